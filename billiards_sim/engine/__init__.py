@@ -1,0 +1,1 @@
+"""The exact, event-driven engine: no ROS, no plotting."""

@@ -1,0 +1,208 @@
+"""The event loop: take the earliest event, let it happen, predict again what it changed."""
+
+from __future__ import annotations
+
+from billiards_sim.engine.contact import (
+    hold,
+    presses_ball,
+    presses_rail,
+    release_ball,
+    settle_contacts,
+    update_contacts,
+)
+from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, RESTED, ROLLED
+from billiards_sim.engine.impact import approach_speed, collide_balls, collide_rail, normal_between
+from billiards_sim.engine.jit import Rows, entry, kernel
+from billiards_sim.engine.motion import anchor, begin_motion, end_phase, phase_of
+from billiards_sim.engine.schedule import NOBODY, next_event, predict_pairs, predict_rail
+from billiards_sim.engine.state import (
+    AT_REST,
+    CHANGED,
+    E_APPROACH,
+    E_FIRST,
+    E_IMPULSE,
+    E_KIND,
+    E_NORMAL_X,
+    E_NORMAL_Y,
+    E_POINT_X,
+    E_POINT_Y,
+    E_SECOND,
+    E_TIME,
+    EVENTS,
+    HELD,
+    HIT,
+    HIT_TIME,
+    INF,
+    NOW,
+    PHASE,
+    RAIL,
+    RAIL_TIME,
+    REPORTED,
+    ROLLING,
+    SLIDING,
+    VX,
+    Constants,
+    State,
+    X,
+    Y,
+)
+
+DONE = 0
+"""No event is left before the time asked for."""
+
+PAUSED = 1
+"""The batch is full; there is more to do."""
+
+
+@entry
+def run_until(state: State, constants: Constants, until: float, batch: int) -> int:
+    """Let every event up to and including a time happen, at most `batch` of them; returns DONE or PAUSED."""
+    clock = state.clock[0]
+    room = len(state.log) - len(state.balls) - 1  # one event reports at most one change of each ball and itself
+    for _ in range(batch):
+        now, i = next_event(state)
+        if now > until or now == INF:
+            return DONE
+        if clock[EVENTS] > room:
+            return PAUSED
+        clock[NOW] = now
+        if i < 0:
+            settle_contacts(state, constants, now)
+            _resume(state, constants, now)
+            continue
+        ball = state.balls[i]
+        if ball[HIT_TIME] == now:
+            j = int(ball[HIT])
+            _meet_ball(state, constants, min(i, j), max(i, j), now)
+        elif ball[RAIL_TIME] == now:
+            _meet_rail(state, constants, i, ball[RAIL], now)
+        else:
+            end_phase(ball, constants)
+            _report_phase(state, i, now)
+            predict_rail(ball, NOBODY, constants)
+            predict_pairs(state, constants, i, NOBODY, now)
+    return PAUSED
+
+
+@kernel
+def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -> None:
+    first, second = state.balls[i], state.balls[j]
+    held = first[HELD] + second[HELD] > 0.0
+    if held:
+        settle_contacts(state, constants, now)
+    anchor(first, now)
+    anchor(second, now)
+    nx, ny = normal_between(first, second)
+    approach = max(approach_speed(first, second, nx, ny), 0.0)
+    pressed = presses_ball(first, second, nx, ny, approach, constants)
+    impulse = collide_balls(first, second, nx, ny, approach, constants)
+    if approach > 0.0:
+        event = _log_event(state, now, BALL_BALL, i, float(j))
+        event[E_POINT_X] = 0.5 * (first[X] + second[X])
+        event[E_POINT_Y] = 0.5 * (first[Y] + second[Y])
+        event[E_NORMAL_X] = nx
+        event[E_NORMAL_Y] = ny
+        event[E_APPROACH] = approach
+        event[E_IMPULSE] = impulse
+    if held or pressed:
+        first[CHANGED] = 1.0
+        second[CHANGED] = 1.0
+        if pressed:
+            hold(state, i, float(j))
+            settle_contacts(state, constants, now)
+        else:
+            release_ball(state, i)
+            release_ball(state, j)
+        _resume(state, constants, now)
+        return
+    begin_motion(first, phase_of(first, constants.radius), constants)
+    begin_motion(second, phase_of(second, constants.radius), constants)
+    _report_phase(state, i, now)
+    _report_phase(state, j, now)
+    predict_rail(first, NOBODY, constants)
+    predict_rail(second, NOBODY, constants)
+    predict_pairs(state, constants, i, float(j), now)
+    predict_pairs(state, constants, j, float(i), now)
+
+
+@kernel
+def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: float) -> None:
+    ball = state.balls[i]
+    held = ball[HELD] > 0.0
+    if held:
+        settle_contacts(state, constants, now)
+    anchor(ball, now)
+    axis = int(rail) // 2
+    inward = 1.0 - 2.0 * (rail % 2.0)
+    nx = inward if axis == 0 else 0.0
+    ny = inward if axis == 1 else 0.0
+    limit = constants.limit_x if axis == 0 else constants.limit_y
+    ball[X + axis] = -inward * limit  # where it is but for rounding
+    approach = max(-inward * ball[VX + axis], 0.0)
+    pressed = presses_rail(ball, nx, ny, approach, constants)
+    if approach > 0.0:
+        impulse = collide_rail(ball, axis, constants)
+        event = _log_event(state, now, BALL_RAIL, i, rail)
+        event[E_POINT_X] = ball[X] - constants.radius * nx
+        event[E_POINT_Y] = ball[Y] - constants.radius * ny
+        event[E_NORMAL_X] = nx
+        event[E_NORMAL_Y] = ny
+        event[E_APPROACH] = approach
+        event[E_IMPULSE] = impulse
+    if held or pressed:
+        ball[CHANGED] = 1.0
+        if pressed:
+            hold(state, i, -1.0 - rail)
+            settle_contacts(state, constants, now)
+        else:
+            release_ball(state, i)
+        _resume(state, constants, now)
+        return
+    begin_motion(ball, phase_of(ball, constants.radius), constants)
+    _report_phase(state, i, now)
+    predict_rail(ball, rail, constants)
+    predict_pairs(state, constants, i, NOBODY, now)
+
+
+@kernel
+def _resume(state: State, constants: Constants, now: float) -> None:
+    # Set going every ball that is marked as changed, in sustained contact or free, and predict it again.
+    update_contacts(state, constants, now)
+    for i in range(len(state.balls)):
+        ball = state.balls[i]
+        if ball[CHANGED] > 0.0:
+            if ball[HELD] == 0.0:
+                begin_motion(ball, phase_of(ball, constants.radius), constants)
+            _report_phase(state, i, now)
+            predict_rail(ball, NOBODY, constants)
+    for i in range(len(state.balls)):
+        if state.balls[i][CHANGED] > 0.0:
+            state.balls[i][CHANGED] = 0.0
+            predict_pairs(state, constants, i, NOBODY, now)
+
+
+@kernel
+def _log_event(state: State, now: float, kind: float, first: int, second: float) -> Rows:
+    # Append an event to the log and return its row, with no place and no impact yet.
+    event = state.log[int(state.clock[0][EVENTS])]
+    state.clock[0][EVENTS] += 1.0
+    for column in range(len(event)):
+        event[column] = 0.0
+    event[E_TIME] = now
+    event[E_KIND] = kind
+    event[E_FIRST] = first
+    event[E_SECOND] = second
+    return event
+
+
+@kernel
+def _report_phase(state: State, i: int, now: float) -> None:
+    # Log the end of a slip or of a motion.
+    ball = state.balls[i]
+    phase = ball[PHASE]
+    before = ball[REPORTED]
+    ball[REPORTED] = phase
+    if (phase == ROLLING and before == SLIDING) or (phase == AT_REST and before != AT_REST):
+        event = _log_event(state, now, ROLLED if phase == ROLLING else RESTED, i, NOBODY)
+        event[E_POINT_X] = ball[X]
+        event[E_POINT_Y] = ball[Y]

@@ -1,0 +1,33 @@
+"""The physical constants of balls, cloth, rails and cue."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from billiards_sim.engine.quantity import check_quantities, quantity
+
+
+@dataclass(frozen=True)
+class Physics:
+    """Constants of the model; the defaults are the paper's (sections 1 and 2).
+
+    All values are SI. A value out of bounds raises `ValueError`.
+    """
+
+    mass: float = quantity(0.160, "kg", "mass of a ball", above=0.0)
+    radius: float = quantity(0.028575, "m", "radius of a ball", above=0.0)
+    gravity: float = quantity(9.81, "m/s^2", "gravitational acceleration", above=0.0)
+    sliding_friction: float = quantity(0.2, "1", "friction coefficient of a ball sliding on the cloth", minimum=0.0)
+    rolling_friction: float = quantity(0.01, "1", "resistance coefficient of a ball rolling on the cloth", minimum=0.0)
+    rail_restitution: float = quantity(
+        0.7, "1", "share of the normal speed that a rail gives back", minimum=0.0, maximum=1.0
+    )
+    cue_contact_time: float = quantity(0.01, "s", "time for which the cue tip pushes the ball", above=0.0)
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    @property
+    def moment_of_inertia(self) -> float:
+        """2/5 m R^2 of a solid sphere, kg m^2 (equation 11)."""
+        return 0.4 * self.mass * self.radius * self.radius

@@ -1,0 +1,78 @@
+"""Physical quantities as dataclass fields: default, unit, bounds and help declared once.
+
+`Physics` and `Table` are made of these fields. The scene file, the node's parameters and the tables of the README read
+the same declarations, so a bound or a unit stands in one place only.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is known of one field: its unit, its help and the closed or open interval it must lie in."""
+
+    unit: str
+    help: str
+    above: float = -math.inf
+    """exclusive lower bound"""
+    minimum: float = -math.inf
+    """inclusive lower bound"""
+    maximum: float = math.inf
+    """inclusive upper bound"""
+
+    def bounds(self) -> str:
+        """The interval in words, for messages and tables: `> 0`, `>= 0, <= 1`."""
+        lower = f"> {self.above:g}" if self.above > -math.inf else f">= {self.minimum:g}"
+        return f"{lower}, <= {self.maximum:g}" if self.maximum < math.inf else lower
+
+    def contains(self, value: float) -> bool:
+        return math.isfinite(value) and value > self.above and self.minimum <= value <= self.maximum
+
+
+def quantity(default: float, unit: str, help: str, **bounds: float) -> Any:
+    """A dataclass field that holds a `Quantity` with this default."""
+    return dataclasses.field(default=default, metadata={"quantity": Quantity(unit, help, **bounds)})
+
+
+def quantities(owner: Any) -> dict[str, Quantity]:
+    """The quantities of a dataclass (class or instance) by field name, in their order of declaration."""
+    return {field.name: field.metadata["quantity"] for field in dataclasses.fields(owner)}
+
+
+def check_quantities(owner: Any) -> None:
+    """Turn every field of a frozen dataclass into a float and check its bounds.
+
+    Raises:
+        ValueError: a field is not a number, or lies outside its bounds.
+    """
+    group = type(owner).__name__.lower()
+    for name, declared in quantities(owner).items():
+        given = getattr(owner, name)
+        try:
+            value = float(given) if not isinstance(given, (bool, str, bytes)) else math.nan
+        except (TypeError, ValueError):
+            value = math.nan
+        if not declared.contains(value):
+            raise ValueError(f"{group}.{name} must be a number {declared.bounds()} ({declared.unit}), got {given!r}")
+        object.__setattr__(owner, name, value)
+
+
+def from_mapping(owner: type, values: Any) -> Any:
+    """Build `Physics` or `Table` from a mapping; omitted keys keep their defaults.
+
+    Raises:
+        ValueError: not a mapping, an unknown key, or a value out of bounds.
+    """
+    group = owner.__name__.lower()
+    if not isinstance(values, dict):
+        raise ValueError(f"{group} must be a mapping of names to numbers, got {values!r}")
+    known = quantities(owner)
+    for key in values:
+        if key not in known:
+            raise ValueError(f"{group} has no field {key!r}; known: {', '.join(known)}")
+    return owner(**values)

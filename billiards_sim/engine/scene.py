@@ -1,0 +1,291 @@
+"""A scene: the balls at the start, the table, the physics and, if wanted, a first shot; and its YAML file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.quantity import from_mapping
+from billiards_sim.engine.state import SPEED_LIMIT
+from billiards_sim.engine.table import Table
+
+OVERLAP_TOLERANCE = 1e-9
+"""m. How far a start position may reach into another ball or a rail: decimal positions of touching balls are rounded
+by 1e-16 m, positions that went through a text file by 1e-10 m; one that is further in is a mistake."""
+
+
+_PAPER_TABLE = Table()
+_PAPER_PHYSICS = Physics()
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A cue shot: what `Simulation.strike` takes.
+
+    Attributes:
+        force: (x, y, z) N; z must be 0.
+        offset: where the tip hits, (sideways, up) m from the centre of the ball, seen along the force.
+        ball: name of the ball.
+    """
+
+    force: tuple[float, float, float]
+    offset: tuple[float, float] = (0.0, 0.0)
+    ball: str = "cue"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "force", _numbers("shot.force", self.force, 3))
+        object.__setattr__(self, "offset", _numbers("shot.offset", self.offset, 2))
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Scene:
+    """Where everything starts. Arrays are checked, copied and made read-only.
+
+    Args:
+        positions: (N, 2) m, ball centres in the frame `table`.
+        velocities: (N, 2) m/s, default 0.
+        angular_velocities: (N, 3) rad/s, default 0.
+        names: N different names; default "cue", "1", "2", ...
+        table, physics: default to the paper's.
+        name: of the scene, for people.
+        shot: a first shot, for whoever runs the scene; a `Simulation` does not play it by itself.
+
+    Raises:
+        ValueError: wrong shape, not finite, faster than `SPEED_LIMIT`, duplicate names, balls that overlap or reach
+            into a rail by more than `OVERLAP_TOLERANCE`, a shot at a ball that is not there. The text names the ball
+            and the figure.
+    """
+
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    angular_velocities: NDArray[np.float64]
+    names: tuple[str, ...]
+    table: Table
+    physics: Physics
+    name: str
+    shot: Shot | None
+
+    def __init__(
+        self,
+        positions: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        names: Sequence[str] | None = None,
+        table: Table = _PAPER_TABLE,
+        physics: Physics = _PAPER_PHYSICS,
+        *,
+        name: str = "",
+        shot: Shot | None = None,
+    ) -> None:
+        try:
+            count = len(positions)  # type: ignore[arg-type]
+        except TypeError:
+            count = 0
+        if count == 0:
+            raise ValueError("a scene needs at least one ball: positions must have shape (N, 2), N >= 1")
+        _check_type("table", table, Table)
+        _check_type("physics", physics, Physics)
+        ball_names = _names(names, count)
+        values = {
+            "positions": _rows("positions", positions, ball_names, 2),
+            "velocities": _rows("velocities", velocities, ball_names, 2),
+            "angular_velocities": _rows("angular_velocities", angular_velocities, ball_names, 3),
+            "names": ball_names,
+            "table": table,
+            "physics": physics,
+            "name": name,
+            "shot": shot,
+        }
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+        _check_speeds(self)
+        _check_inside_rails(self)
+        _check_no_overlap(self)
+        if shot is not None:
+            _check_type("shot", shot, Shot)
+            if shot.ball not in ball_names:
+                raise ValueError(f"shot.ball {shot.ball!r} is not in the scene; its balls: {', '.join(ball_names)}")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene from a YAML file (safe loading only).
+
+    Raises:
+        ValueError: not YAML, not a scene, or a scene that `Scene` refuses; the text starts with the path.
+        OSError: the file cannot be read.
+        ImportError: PyYAML is not installed.
+    """
+    yaml = _yaml()
+    text = Path(path).read_text(encoding="utf-8")
+    try:
+        return _from_document(yaml.safe_load(text))
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def save_scene(scene: Scene, path: str | Path) -> None:
+    """Write a scene as YAML; `load_scene` gives back the same numbers to the last bit.
+
+    Raises:
+        OSError: the file cannot be written.
+        ImportError: PyYAML is not installed.
+    """
+    document: dict[str, Any] = {
+        "name": scene.name,
+        "table": dataclasses.asdict(scene.table),
+        "physics": dataclasses.asdict(scene.physics),
+        "balls": [
+            {"name": name, "position": p.tolist(), "velocity": v.tolist(), "angular_velocity": w.tolist()}
+            for name, p, v, w in zip(
+                scene.names, scene.positions, scene.velocities, scene.angular_velocities, strict=True
+            )
+        ],
+    }
+    if scene.shot is not None:
+        shot = scene.shot
+        document["shot"] = {"ball": shot.ball, "force": list(shot.force), "offset": list(shot.offset)}
+    text = _yaml().safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def _yaml() -> Any:
+    try:
+        import yaml
+    except ImportError:
+        raise ImportError("scene files need PyYAML: pip install pyyaml") from None
+    return yaml
+
+
+def _from_document(document: Any) -> Scene:
+    _check_keys("scene", document, required={"balls"}, optional={"name", "table", "physics", "shot"})
+    balls = document["balls"]
+    if not isinstance(balls, list) or not balls:
+        raise ValueError(f"balls must be a list of at least one ball, got {balls!r}")
+    for index, ball in enumerate(balls):
+        _check_keys(f"balls[{index}]", ball, {"name", "position"}, {"velocity", "angular_velocity"})
+    shot = document.get("shot")
+    if shot is not None:
+        _check_keys("shot", shot, required={"force"}, optional={"ball", "offset"})
+        shot = Shot(**shot)
+    return Scene(
+        positions=[ball["position"] for ball in balls],
+        velocities=[ball.get("velocity", [0.0, 0.0]) for ball in balls],
+        angular_velocities=[ball.get("angular_velocity", [0.0, 0.0, 0.0]) for ball in balls],
+        names=[ball["name"] for ball in balls],
+        table=from_mapping(Table, document.get("table") or {}),
+        physics=from_mapping(Physics, document.get("physics") or {}),
+        name=str(document.get("name") or ""),
+        shot=shot,
+    )
+
+
+def _check_keys(where: str, mapping: Any, required: set[str], optional: set[str]) -> None:
+    if not isinstance(mapping, dict):
+        raise ValueError(f"{where} must be a mapping, got {mapping!r}")
+    missing = required - mapping.keys()
+    unknown = [key for key in mapping if key not in required | optional]
+    if missing:
+        raise ValueError(f"{where} lacks {', '.join(sorted(missing))}")
+    if unknown:
+        known = ", ".join(sorted(required | optional))
+        raise ValueError(f"{where} has no key {unknown[0]!r}; known: {known}")
+
+
+def _check_type(name: str, value: Any, expected: type) -> None:
+    if not isinstance(value, expected):
+        raise ValueError(f"{name} must be a {expected.__name__}, got {value!r}")
+
+
+def _numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
+    try:
+        values = tuple(float(value) for value in given)
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) != count:
+        raise ValueError(f"{name} must be {count} numbers, got {given!r}")
+    return values
+
+
+def _names(given: Any, count: int) -> tuple[str, ...]:
+    if given is None:
+        return ("cue", *(str(index) for index in range(1, count)))
+    names = (given,) if isinstance(given, str) else tuple(given)
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"ball names must be non-empty strings, got {name!r}")
+    if len(names) != count:
+        raise ValueError(f"{len(names)} names for {count} balls")
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise ValueError(f"two balls are named {name!r}")
+    return names
+
+
+def _rows(key: str, given: ArrayLike | None, names: tuple[str, ...], width: int) -> NDArray[np.float64]:
+    count = len(names)
+    try:
+        rows = np.zeros((count, width)) if given is None else np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{key} must be numbers of shape ({count}, {width}), got {given!r}") from None
+    if rows.shape != (count, width):
+        raise ValueError(f"{key} must have shape ({count}, {width}), got {rows.shape}")
+    for name, row in zip(names, rows, strict=True):
+        if not np.isfinite(row).all():
+            raise ValueError(f"{key} of ball {name!r} must be finite, got {row.tolist()}")
+    rows.flags.writeable = False
+    return rows
+
+
+def _check_speeds(scene: Scene) -> None:
+    for name, velocity, spin in zip(scene.names, scene.velocities, scene.angular_velocities, strict=True):
+        for what, speed in (("speed", np.hypot(*velocity)), ("spin times radius", _rim_speed(spin, scene.physics))):
+            if not speed <= SPEED_LIMIT:
+                raise ValueError(f"{what} of ball {name!r} must be <= {SPEED_LIMIT:g} m/s, got {speed:.9g}")
+
+
+def _rim_speed(spin: NDArray[np.float64], physics: Physics) -> float:
+    return math.hypot(*spin.tolist()) * physics.radius
+
+
+def _check_inside_rails(scene: Scene) -> None:
+    table, radius = scene.table, scene.physics.radius
+    for axis, low, high in ((0, table.x_min, table.x_max), (1, table.y_min, table.y_max)):
+        low, high = low + radius, high - radius
+        if low > high:
+            raise ValueError(f"balls of radius {radius:g} m do not fit on a table {high - low + 2 * radius:g} m wide")
+        outside = np.maximum(low - scene.positions[:, axis], scene.positions[:, axis] - high)
+        worst = int(np.argmax(outside))
+        if outside[worst] > OVERLAP_TOLERANCE:
+            raise ValueError(
+                f"ball {scene.names[worst]!r} reaches {outside[worst]:.6g} m into a rail: its {'xy'[axis]} is "
+                f"{scene.positions[worst, axis]:.9g}, allowed {low:.9g} to {high:.9g}"
+            )
+
+
+def _check_no_overlap(scene: Scene) -> None:
+    diameter = 2.0 * scene.physics.radius
+    by_x = np.argsort(scene.positions[:, 0], kind="stable")
+    ordered = scene.positions[by_x]
+    for rank, position in enumerate(ordered[:-1]):
+        end = int(np.searchsorted(ordered[:, 0], position[0] + diameter, side="right"))
+        distances = np.hypot(*(ordered[rank + 1 : end] - position).T)
+        if distances.size and diameter - distances.min() > OVERLAP_TOLERANCE:
+            first, second = sorted((int(by_x[rank]), int(by_x[rank + 1 + int(np.argmin(distances))])))
+            raise ValueError(
+                f"balls {scene.names[first]!r} and {scene.names[second]!r} overlap by "
+                f"{diameter - distances.min():.6g} m: their centres are {distances.min():.9g} m apart, "
+                f"two radii are {diameter:.9g} m"
+            )

@@ -1,0 +1,96 @@
+"""The built-in scenes: the paper's three and an eight-ball rack."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.table import Table
+
+RACK_GAP = 1e-4
+"""m. Default distance between neighbours in a rack: what a well set wooden triangle leaves."""
+
+EIGHT_BALL_ROWS = ((1,), (9, 2), (10, 8, 3), (11, 4, 12, 5), (6, 13, 7, 14, 15))
+"""Ball numbers from the apex back, low y first: the 8 in the middle, a solid and a stripe in the back corners."""
+
+
+def head_on() -> Scene:
+    """The paper's scene 1: `cue` (its red ball) at 5 m/s into `1` (its blue ball), dead centre, without spin."""
+    return Scene([[0.3, 0.5], [1.0, 0.5]], velocities=[[5.0, 0.0], [0.0, 0.0]], name="head_on")
+
+
+def glancing() -> Scene:
+    """The paper's scene 2: as scene 1, the cue ball 10 mm off the line of centres."""
+    return Scene([[0.3, 0.49], [1.0, 0.5]], velocities=[[5.0, 0.0], [0.0, 0.0]], name="glancing")
+
+
+def random_balls(count: int = 20, seed: int = 1) -> Scene:
+    """The paper's scene 3 with legal positions: no overlap, inside the rails.
+
+    Args:
+        count: number of balls.
+        seed: of the random numbers; the same seed gives the same scene.
+
+    Positions are uniform over what is left by the balls placed before. Velocities are uniform in -7 to 7 m/s on each
+    axis, without spin.
+
+    Raises:
+        ValueError: `count` is not a positive whole number, or so many balls find no room.
+    """
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
+        raise ValueError(f"count must be a whole number >= 1, got {count!r}")
+    table, physics = Table(), Physics()
+    low = np.array([table.x_min, table.y_min]) + physics.radius
+    high = np.array([table.x_max, table.y_max]) - physics.radius
+    random = np.random.default_rng(seed)
+    positions = np.empty((count, 2))
+    attempts_for_one_ball = 10_000
+    for placed in range(count):
+        for _ in range(attempts_for_one_ball):
+            position = random.uniform(low, high)
+            if np.all(np.hypot(*(positions[:placed] - position).T) > 2.0 * physics.radius):
+                positions[placed] = position
+                break
+        else:
+            raise ValueError(f"no room for {count} balls at random: ball {placed} found none free of the others")
+    velocities = random.uniform(-7.0, 7.0, (count, 2))
+    return Scene(positions, velocities, table=table, physics=physics, name="random_balls")
+
+
+def eight_ball(gap: float = RACK_GAP) -> Scene:
+    """An eight-ball rack and the cue ball on the head spot, all at rest.
+
+    Args:
+        gap: m between neighbouring balls of the rack, >= 0; 0 racks them touching.
+
+    The triangle has its apex on the foot spot and points to the cue ball; the 8 is in the middle. Offsets from the
+    long axis are whole multiples of a power of two, so the rack is mirror-symmetric to the last bit.
+
+    Raises:
+        ValueError: `gap` is negative, not finite, or so large that the rack does not fit.
+    """
+    if not (isinstance(gap, (int, float)) and 0.0 <= gap < math.inf):
+        raise ValueError(f"gap must be a finite number >= 0 (m), got {gap!r}")
+    table, physics = Table(), Physics()
+    grid = 2.0**-50
+    pitch = 2.0 * physics.radius + gap
+    foot_x, axis_y = table.foot_spot
+    positions = [table.head_spot] + [(0.0, 0.0)] * 15
+    for row, numbers in enumerate(EIGHT_BALL_ROWS):
+        for place, number in enumerate(numbers):
+            aside = round((place - 0.5 * row) * pitch / grid)
+            positions[number] = (foot_x + row * math.sqrt(0.75) * pitch, axis_y + aside * grid)
+    return Scene(positions, table=table, physics=physics, name="eight_ball")
+
+
+BUILT_IN: dict[str, Callable[[], Scene]] = {
+    "head_on": head_on,
+    "glancing": glancing,
+    "random_balls": random_balls,
+    "eight_ball": eight_ball,
+}
+"""The built-in scenes by name, each with its defaults."""
