@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from billiards_sim.engine.jit import Rows, entry, kernel
-from billiards_sim.engine.motion import anchor, begin_motion, phase_of, roll_off, slip
+from billiards_sim.engine.motion import anchor, phase_of, roll_off, slip
 from billiards_sim.engine.state import (
     ALPHA_X,
     ALPHA_Y,
@@ -66,17 +66,30 @@ PRESS_ACCELERATION = 1e-10
 MICRO_SLIP = 10.0
 """Times the approach speed: a slip this small is left over from the last bounces, the ball rolls on average."""
 
-MAX_STEP = 5e-4
-"""s. Between the ends of a step a gap of two turning balls strays by up to 5e-10 m."""
+SHORT_STEP = 2e-5
+"""s. In shorter steps a gap cannot stray by 1e-12 m, and its change is lost in rounding: accelerations decide alone."""
 
-MIN_STEP = 1e-7
+MAX_STEP = 1.0
+"""s. Where nothing turns, a step may be as long as the motion."""
+
+MAX_STRAY = 1e-9
+"""m s/s: turning rate of a normal times the cube of a step. Between the ends of a step the gap of two balls, whose push
+changes by a few m/s^2 a radian, then strays by less than 1e-10 m."""
+
+MIN_STEP = 1e-9
 """s. A slip or a motion that friction ends within this time has ended."""
 
-MAX_TURN = 0.02
-"""rad. Largest turn of a slip, of a rolling direction or of a normal in a step."""
+MAX_TURN = 0.0005
+"""rad. Largest turn of a slip or of a rolling direction in a step: paths are then exact to 1e-6 m."""
 
 PUSH_TOLERANCE = 1e-11
 """m/s^2. Accuracy of the pushes when they are solved together."""
+
+GAP_TOLERANCE = 1e-16
+"""m. Or what a push does to a gap within a step, where that is coarser: rounding of a separation."""
+
+SPEED_TOLERANCE = 1e-15
+"""m/s. Accuracy of the velocities when motion along the normals is taken out."""
 
 MAX_ITERATIONS = 1000
 """Bound on the sweeps over the contacts; chains of 16 balls need about 300."""
@@ -125,8 +138,10 @@ def release_ball(state: State, i: int) -> None:
 
 
 @kernel
-def _free_acceleration(ball: Rows, approach: float, constants: Constants) -> tuple[float, float]:
-    # Of a ball about to bounce, on the average over fine bounces.
+def _mean_acceleration(ball: Rows, approach: float, constants: Constants) -> tuple[float, float]:
+    # Of a ball about to bounce, on the average over fine bounces; with what already pushes it.
+    if ball[HELD] > 0.0:
+        return ball[AX], ball[AY]
     ux, uy = slip(ball, constants.radius)
     slipping = math.sqrt(ux * ux + uy * uy)
     if slipping > MICRO_SLIP * approach and phase_of(ball, constants.radius) == SLIDING:
@@ -142,7 +157,7 @@ def presses_rail(ball: Rows, nx: float, ny: float, approach: float, constants: C
     """Whether a ball that arrives at a rail (normal into the table) has bounced low enough to stay on it."""
     if _too_fast(constants.restitution * approach, constants):
         return False
-    ax, ay = _free_acceleration(ball, approach, constants)
+    ax, ay = _mean_acceleration(ball, approach, constants)
     return _stays(-(ax * nx + ay * ny), constants.restitution * approach)
 
 
@@ -151,8 +166,8 @@ def presses_ball(first: Rows, second: Rows, nx: float, ny: float, approach: floa
     """Whether two balls that meet (normal from the second to the first) bounce low enough to stay together."""
     if _too_fast(approach, constants):
         return False
-    ax, ay = _free_acceleration(first, approach, constants)
-    bx, by = _free_acceleration(second, approach, constants)
+    ax, ay = _mean_acceleration(first, approach, constants)
+    bx, by = _mean_acceleration(second, approach, constants)
     across = (first[VY] - second[VY]) * nx - (first[VX] - second[VX]) * ny
     return _stays((bx - ax) * nx + (by - ay) * ny - 0.5 * across * across / constants.radius, approach)
 
@@ -177,7 +192,7 @@ def settle_contacts(state: State, constants: Constants, now: float) -> None:
         if ball[HELD] > 0.0:
             ball[CHANGED] = 1.0
             anchor(ball, now)
-            _end_micro_motion(ball, constants)
+            _end_micro_slip(ball, constants)
     _set_normals(state, 0.0)
     for _ in range(MAX_ITERATIONS):
         worst = 0.0
@@ -197,23 +212,32 @@ def settle_contacts(state: State, constants: Constants, now: float) -> None:
                 if contact[SECOND] >= 0.0:
                     _kick(second, -kick * nx, -kick * ny, constants.radius)
                 worst = max(worst, abs(speed))
-        if worst <= PUSH_TOLERANCE * MIN_STEP:
+        if worst <= SPEED_TOLERANCE:
             break
+    for i in range(len(state.balls)):
+        if state.balls[i][HELD] > 0.0:
+            _end_micro_motion(state.balls[i], constants)
+
+
+@kernel
+def _end_micro_slip(ball: Rows, constants: Constants) -> None:
+    # A slip that friction ends within MIN_STEP.
+    ux, uy = slip(ball, constants.radius)
+    if ball[PHASE] == SLIDING and math.sqrt(ux * ux + uy * uy) <= 3.5 * constants.sliding * MIN_STEP:
+        roll_off(ball, constants.radius)
+        ball[PHASE] = ROLLING
 
 
 @kernel
 def _end_micro_motion(ball: Rows, constants: Constants) -> None:
-    # A slip or a motion that friction ends within MIN_STEP.
-    if ball[PHASE] == SLIDING:
-        ux, uy = slip(ball, constants.radius)
-        if math.sqrt(ux * ux + uy * uy) <= 3.5 * constants.sliding * MIN_STEP:
-            roll_off(ball, constants.radius)
-            ball[PHASE] = ROLLING
-    if ball[PHASE] != SLIDING:
-        if math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY]) <= constants.rolling * MIN_STEP:
-            begin_motion(ball, AT_REST, constants)
-        else:
-            ball[PHASE] = ROLLING
+    # A roll that friction ends within MIN_STEP. The acceleration stays: it tells whether the ball is being pushed.
+    speed = math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY])
+    if ball[PHASE] == ROLLING and speed <= constants.rolling * MIN_STEP:
+        ball[PHASE] = AT_REST
+        ball[VX] = 0.0
+        ball[VY] = 0.0
+        ball[WX] = 0.0
+        ball[WY] = 0.0
 
 
 @kernel
@@ -278,6 +302,14 @@ def _set_direction(ball: Rows, ahead: float, constants: Constants) -> None:
 
 
 @kernel
+def _stay(ball: Rows) -> None:
+    ball[AX] = 0.0
+    ball[AY] = 0.0
+    ball[ALPHA_X] = 0.0
+    ball[ALPHA_Y] = 0.0
+
+
+@kernel
 def _set_acceleration(ball: Rows, constants: Constants) -> None:
     # Of a pushed ball; spin follows from friction alone.
     px, py = ball[PUSH_X], ball[PUSH_Y]
@@ -295,10 +327,7 @@ def _set_acceleration(ball: Rows, constants: Constants) -> None:
     dx, dy = ball[DIR_X], ball[DIR_Y]
     if ball[PHASE] == AT_REST:
         if 5.0 / 7.0 * push <= resistance or push == 0.0:
-            ball[AX] = 0.0
-            ball[AY] = 0.0
-            ball[ALPHA_X] = 0.0
-            ball[ALPHA_Y] = 0.0
+            _stay(ball)
             return
         dx = px / push
         dy = py / push
@@ -333,6 +362,7 @@ def _solve_pushes(state: State, constants: Constants, step: float) -> None:
         _push(state.balls[int(contact[FIRST])], fx, fy, constants)
         if contact[SECOND] >= 0.0:
             _push(state.balls[int(contact[SECOND])], -fx, -fy, constants)
+    enough = max(PUSH_TOLERANCE, GAP_TOLERANCE / (step * step)) if step > 0.0 else PUSH_TOLERANCE
     for _ in range(MAX_ITERATIONS):
         worst = 0.0
         for c in range(count):
@@ -364,7 +394,7 @@ def _solve_pushes(state: State, constants: Constants, step: float) -> None:
                 if contact[SECOND] >= 0.0:
                     _push(second, -change * nx, -change * ny, constants)
                 worst = max(worst, abs(change))
-        if worst <= PUSH_TOLERANCE:
+        if worst <= enough:
             break
 
 
@@ -372,18 +402,18 @@ def _solve_pushes(state: State, constants: Constants, step: float) -> None:
 def _step_for(ball: Rows, constants: Constants) -> float:
     # How long a held ball's directions stay nearly what they are.
     if ball[PHASE] == AT_REST:
-        return MAX_STEP
+        return INF
     if ball[PHASE] == SLIDING:
         vx, vy = slip(ball, constants.radius)
         ax = ball[AX] - constants.radius * ball[ALPHA_Y]
         ay = ball[AY] + constants.radius * ball[ALPHA_X]
     else:
         vx, vy, ax, ay = ball[VX], ball[VY], ball[AX], ball[AY]
-    step = MAX_STEP
+    step = INF
     speed = math.sqrt(vx * vx + vy * vy)
     along = ax * ball[DIR_X] + ay * ball[DIR_Y]
     across = abs(ax * ball[DIR_Y] - ay * ball[DIR_X])
-    if across * step > MAX_TURN * speed:
+    if across > 0.0:
         step = MAX_TURN * speed / across
     if along < 0.0 and speed < -along * 2.0 * step:
         stop = speed / -along
@@ -413,22 +443,39 @@ def update_contacts(state: State, constants: Constants, now: float) -> None:
     for i in range(len(balls)):
         if balls[i][HELD] > 0.0:
             step = min(step, _step_for(balls[i], constants))
+    for c in range(int(clock[CONTACTS])):
+        turning = _turning_rate(state, state.contacts[c], constants)
+        while turning * step * step * step > MAX_STRAY:
+            step *= 0.5
     step = max(step, MIN_STEP)
     for i in range(len(balls)):
         if balls[i][HELD] > 0.0:
             _set_direction(balls[i], 0.5 * step, constants)
     _set_normals(state, 0.5 * step)
-    _solve_pushes(state, constants, step)
+    _solve_pushes(state, constants, step if step >= SHORT_STEP else 0.0)
     for i in range(len(balls)):
         ball = balls[i]
         if ball[HELD] > 0.0:
             ball[PHASE_END] = INF
-            if ball[PHASE] == AT_REST and (ball[AX] != 0.0 or ball[AY] != 0.0):
-                ball[PHASE] = ROLLING
+            if ball[PHASE] == AT_REST:
+                if abs(ball[AX]) + abs(ball[AY]) > PRESS_ACCELERATION:
+                    ball[PHASE] = ROLLING
+                else:
+                    _stay(ball)
     for c in range(int(clock[CONTACTS]) - 1, -1, -1):
         if state.contacts[c][PUSH] <= PUSH_TOLERANCE or _rests(state, state.contacts[c]):
             _release(state, c)
     clock[UPDATE_TIME] = now + step if clock[CONTACTS] > 0.0 else INF
+
+
+@kernel
+def _turning_rate(state: State, contact: Rows, constants: Constants) -> float:
+    # Of the normal of a contact, rad/s.
+    if contact[SECOND] < 0.0:
+        return 0.0
+    first, second = state.balls[int(contact[FIRST])], state.balls[int(contact[SECOND])]
+    across = (first[VY] - second[VY]) * contact[NORMAL_X] - (first[VX] - second[VX]) * contact[NORMAL_Y]
+    return abs(across) / (2.0 * constants.radius)
 
 
 @kernel

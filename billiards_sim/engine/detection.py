@@ -30,6 +30,9 @@ REJECT_ROUNDING = 1e-13
 APPROACH_ROUNDING = 1e-14
 """Relative to the relative speed: an approach this slow at a touch is rounding of a tangential motion."""
 
+SPEED_ROUNDING = 1e-15
+"""m/s. An approach this slow at a touch is rounding of velocities that were equal: it closes 1e-14 m in ten seconds."""
+
 MAX_ITERATIONS = 100
 """Bound on root polishing; bisection alone reaches adjacent floats in about 60."""
 
@@ -144,7 +147,7 @@ def contact_time(
     approach = along
     first_gap = math.sqrt(square) - diameter
     if first_gap <= TOUCH:
-        if parted or along >= -APPROACH_ROUNDING * diameter * math.sqrt(speed2):
+        if parted or along >= -diameter * (APPROACH_ROUNDING * math.sqrt(speed2) + SPEED_ROUNDING):
             approach = max(along, 0.0)
             if parted and approach == 0.0 and speed2 + pull <= 0.0:
                 return INF  # they rest against each other; what pushes them is not motion
@@ -200,6 +203,8 @@ def rail_contact_time(distance: float, speed: float, acceleration: float, parted
     Root of a t^2/2 + v t - d = 0, in the form that does not cancel.
     """
     room = max(distance, 0.0)
+    if room == 0.0 and abs(speed) <= SPEED_ROUNDING:
+        speed = 0.0
     discriminant = speed * speed + 2.0 * acceleration * room
     if speed > 0.0:
         return 2.0 * room / (speed + math.sqrt(discriminant)) if discriminant >= 0.0 else INF

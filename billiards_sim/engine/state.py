@@ -15,9 +15,9 @@ from billiards_sim.engine.table import Table
 
 INF = math.inf
 
-SPEED_LIMIT = 1e4
-"""m/s. Largest speed, and spin times radius, of a ball at the start or after a shot: a thousand times a hard break, and
-far from where squares overflow."""
+SPEED_LIMIT = 299_792_458.0
+"""m/s. Largest speed, and spin times radius, of a ball at the start or after a shot: light's. Far below where the
+powers in the formulas overflow."""
 
 # Columns of a ball. Motion from its own last event on ("anchor") is x + v t + a t^2/2 and w + alpha t, in closed form.
 TIME = 0  # s, the anchor

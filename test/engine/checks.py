@@ -1,0 +1,88 @@
+"""What several engine tests need: exact solutions, random scenes, and the laws that every run must keep."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import billiards_sim as bs
+
+DATA = Path(__file__).parent.parent / "data"
+EXACT_SCENES: dict[str, Any] = {
+    scene["name"]: scene for scene in json.loads((DATA / "exact_scenes.json").read_text(encoding="utf-8"))["scenes"]
+}
+EXACT_KINDS = {"ball-ball": "ball_ball", "rail": "ball_rail", "slide->roll": "rolling", "roll->rest": "rest"}
+EXACT_RAILS = {"x-low": "x_min", "x-high": "x_max", "y-low": "y_min", "y-high": "y_max"}
+
+
+def exact_array(balls: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
+    """(N, 2) or (N, 3) of a state in the file of exact solutions."""
+    return np.array([[float(number) for number in ball[key]] for ball in balls])
+
+
+def exact_scene(name: str) -> bs.Scene:
+    initial = EXACT_SCENES[name]["initial"]
+    return bs.Scene(
+        exact_array(initial, "position"), exact_array(initial, "velocity"), exact_array(initial, "angular_velocity")
+    )
+
+
+def random_scene(seed: int) -> bs.Scene:
+    """2 to 16 balls, some at rest, some with spin."""
+    random = np.random.default_rng(seed)
+    count = int(random.integers(2, 17))
+    base = bs.scenes.random_balls(count, seed)
+    velocities = base.velocities * (random.random((count, 1)) < 0.6)
+    spins = random.uniform(-150.0, 150.0, (count, 3)) * (random.random((count, 1)) < 0.5)
+    return bs.Scene(base.positions, velocities, spins)
+
+
+@dataclass
+class Extremes:
+    """The worst that a run did, over all events and two instants between each two of them."""
+
+    overlap: float
+    """m, of two balls"""
+    outside: float
+    """m, into a rail"""
+    energy_rise: float
+    """relative, from one instant to the next"""
+    events: int
+
+
+def extremes(scene: bs.Scene, prepare: Callable[[bs.Simulation], None] = lambda simulation: None) -> Extremes:
+    """Run a scene to rest and look at it at every event and in between."""
+    simulation = bs.Simulation(scene)
+    prepare(simulation)
+    events = simulation.run()
+    assert simulation.at_rest
+    times = np.unique([0.0] + [event.time for event in events])
+    between = np.concatenate([times[:-1] + share * np.diff(times) for share in (1.0 / 3.0, 2.0 / 3.0)])
+    simulation = bs.Simulation(scene)
+    prepare(simulation)
+    table, radius = scene.table, scene.physics.radius
+    low = np.array([table.x_min, table.y_min]) + radius
+    high = np.array([table.x_max, table.y_max]) - radius
+    one, other = np.triu_indices(len(scene), 1)
+    result = Extremes(-np.inf, -np.inf, -np.inf, len(events))
+    energy = simulation.kinetic_energy
+    for time in np.sort(np.concatenate((times, between))):
+        simulation.run(until=time)
+        positions = simulation.positions
+        if len(one):
+            nearest = np.hypot(*(positions[one] - positions[other]).T).min()
+            result.overlap = max(result.overlap, 2.0 * radius - nearest)
+        result.outside = max(result.outside, (low - positions).max(), (positions - high).max())
+        now = simulation.kinetic_energy
+        if energy > 0.0:
+            result.energy_rise = max(result.energy_rise, (now - energy) / energy)
+        else:
+            assert now == 0.0
+        energy = now
+    return result

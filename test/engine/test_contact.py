@@ -1,0 +1,172 @@
+"""Sustained contact: the limit of ever finer bounces, against closed forms and against fine bounces themselves."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from checks import extremes
+
+import billiards_sim as bs
+
+PHYSICS = bs.Physics()
+RADIUS = PHYSICS.radius
+SLIDING = PHYSICS.sliding_friction * PHYSICS.gravity
+ROLLING = PHYSICS.rolling_friction * PHYSICS.gravity
+TABLE = bs.Table()
+AT_X_MAX = TABLE.x_max - RADIUS
+AT_Y_MAX = TABLE.y_max - RADIUS
+
+
+def in_a_row(*velocities_and_spins, start=0.8) -> bs.Scene:
+    """Touching balls along x, each given by (vx, wy)."""
+    count = len(velocities_and_spins)
+    return bs.Scene(
+        [[start + 2.0 * RADIUS * index, 0.6] for index in range(count)],
+        [[v, 0.0] for v, _ in velocities_and_spins],
+        [[0.0, w, 0.0] for _, w in velocities_and_spins],
+    )
+
+
+@pytest.mark.parametrize("vy, wx", [(0.0, 0.0), (0.5, 0.0), (0.5, 60.0), (-0.3, -20.0)])
+def test_topspin_along_a_rail_leaves_by_the_closed_form(vy: float, wx: float) -> None:
+    # Pressed from the start: with s from ds = mu_s g dt/|u|, ux falls as exp(-5s/2) and uy as exp(-7s/2).
+    ux, uy = -RADIUS * 150.0, vy + RADIUS * wx
+    simulation = bs.Simulation(bs.Scene([[AT_X_MAX, 0.6]], [[0.0, vy]], [[wx, 150.0, 0.0]]))
+    events = simulation.run(until=1.0)
+
+    def slip(s):
+        return mpmath.sqrt(ux**2 * mpmath.exp(-5 * s) + uy**2 * mpmath.exp(-7 * s))
+
+    def speed(s):
+        return vy - 2.0 / 7.0 * uy * (1 - mpmath.exp(-3.5 * s))
+
+    span = [0, 0.5, 1, 2, 4, 8, 16, 40]
+    duration = float(mpmath.quad(slip, span)) / SLIDING
+    way = float(mpmath.quad(lambda s: speed(s) * slip(s), span)) / SLIDING
+    rolling = next(event for event in events if event.kind in ("rolling", "rest"))
+    assert rolling.time == pytest.approx(duration, abs=1e-6)
+    assert rolling.point == pytest.approx((AT_X_MAX, 0.6 + way), abs=1e-6)
+    exit_speed = vy - 2.0 / 7.0 * uy
+    after = 1.0 - rolling.time
+    assert simulation.velocities[0, 0] == pytest.approx(0.0, abs=1e-9)
+    expected = math.copysign(max(abs(exit_speed) - ROLLING * after, 0.0), exit_speed)
+    assert simulation.velocities[0, 1] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("vy", [0.0, 0.5])
+def test_ball_that_bounces_its_way_into_contact_with_a_rail_takes_few_events(vy: float) -> None:
+    simulation = bs.Simulation(bs.Scene([[2.35, 0.6]], [[0.1, vy]], [[0.0, 150.0, 0.0]]))
+    events = simulation.run()
+    assert len(events) < 100
+    assert simulation.at_rest
+    bounces = [event for event in events if event.kind == "ball_rail" and event.rail == "x_max"]
+    assert len(bounces) > 10
+    assert simulation.positions[0, 0] == pytest.approx(AT_X_MAX, abs=1e-9)
+
+
+def pressed_pair() -> tuple[float, float]:
+    """Push per mass and acceleration of a ball that slides into a rolling one, both along a line.
+
+    mu_s g - f = 5/7 f - mu_r g (1 - f / (7/2 mu_s g)).
+    """
+    push = (SLIDING + ROLLING) / (12.0 / 7.0 + ROLLING / (3.5 * SLIDING))
+    return push, SLIDING - push
+
+
+def test_ball_that_slides_into_a_frozen_one_pushes_it_along() -> None:
+    spin = 60.0
+    push, acceleration = pressed_pair()
+    simulation = bs.Simulation(in_a_row((0.0, spin), (0.0, 0.0)))
+    events = list(simulation.run())
+    duration = RADIUS * spin / (3.5 * SLIDING - push)
+    rolling = next(event for event in events if event.kind == "rolling" and event.balls == ("cue",))
+    assert rolling.time == pytest.approx(duration, abs=1e-7)
+    way = 0.5 * acceleration * duration**2 + (acceleration * duration) ** 2 / (2.0 * ROLLING)
+    assert simulation.positions[:, 0] - [0.8, 0.8 + 2.0 * RADIUS] == pytest.approx([way, way], abs=1e-6)
+
+
+def fine_bounces(spin: float, least: float) -> float:
+    """Speed at which the front ball rolls off when the rear one has stopped sliding: elastic bounces on a line, one
+    after the other in closed form, none smaller than `least` (m/s)."""
+    rear, front, slip, gap = 0.0, least, least, 0.0  # just after the first bounce; the front ball slips by `slip`
+    rear_slip = RADIUS * spin
+    while rear_slip > 0.0:
+        front_acceleration = -SLIDING if slip > 0.0 else -ROLLING
+        closing, pull = rear - front, SLIDING - front_acceleration
+        meet = (math.sqrt(closing**2 + 2.0 * pull * gap) - closing) / pull
+        step = min(meet, slip / (3.5 * SLIDING) if slip > 0.0 else math.inf, rear_slip / (3.5 * SLIDING))
+        gap -= (closing + 0.5 * pull * step) * step
+        rear += SLIDING * step
+        front += front_acceleration * step
+        rear_slip -= 3.5 * SLIDING * step
+        slip = max(slip - 3.5 * SLIDING * step, 0.0) if slip > 0.0 else 0.0
+        if slip < 1e-15:
+            slip = 0.0
+        if step == meet:
+            gap = 0.0
+            kick = 0.5 * (rear - front + max(rear - front, least))
+            rear, front = rear - kick, front + kick
+            slip += kick
+            rear_slip += kick
+    return front
+
+
+def test_sustained_contact_is_the_limit_of_ever_finer_bounces() -> None:
+    spin = 20.0
+    push, acceleration = pressed_pair()
+    limit = acceleration * RADIUS * spin / (3.5 * SLIDING - push)
+    errors = [abs(fine_bounces(spin, least) - limit) for least in (1e-3, 1e-4, 1e-5)]
+    assert errors[0] < 2e-3 and errors[1] < 2e-4 and errors[2] < 2e-5
+    simulation = bs.Simulation(in_a_row((0.0, spin), (0.0, 0.0)))
+    simulation.run(until=RADIUS * spin / (3.5 * SLIDING - push))
+    assert simulation.velocities[:, 0] == pytest.approx([limit, limit], abs=1e-6)
+
+
+PRESSED_SCENES = {
+    "frozen to a rail and spun into it": bs.Scene([[AT_X_MAX, 0.6]], None, [[0.0, 99.0, 0.0]]),
+    "in a corner": bs.Scene([[AT_X_MAX, AT_Y_MAX]], None, [[-80.0, 120.0, 0.0]]),
+    "bouncing into a corner": bs.Scene([[2.3, 1.15]], [[0.3, 0.2]], [[-80.0, 120.0, 5.0]]),
+    "between ball and rail": in_a_row((0.0, 120.0), (0.0, 0.0), start=AT_X_MAX - 2.0 * RADIUS),
+    "frozen chain on a rail": in_a_row((0.0, 120.0), (0.0, 0.0), (0.0, 0.0), start=AT_X_MAX - 4.0 * RADIUS),
+    "chain hit with follow": in_a_row((3.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+    "oblique push": bs.Scene(
+        [[0.8, 0.6], [0.8 + 2.0 * RADIUS * math.cos(0.5), 0.6 + 2.0 * RADIUS * math.sin(0.5)]],
+        None,
+        [[0.0, 60.0, 0.0], [0.0, 0.0, 0.0]],
+    ),
+    "two push one": bs.Scene(
+        [[0.8 - math.sqrt(3.0) * RADIUS, 0.6 - RADIUS], [0.8 - math.sqrt(3.0) * RADIUS, 0.6 + RADIUS], [0.8, 0.6]],
+        None,
+        [[0.0, 70.0, 0.0], [0.0, 70.0, 0.0], [0.0, 0.0, 0.0]],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PRESSED_SCENES)
+def test_pressed_balls_keep_the_laws_until_rest(name: str) -> None:
+    worst = extremes(PRESSED_SCENES[name])
+    assert worst.overlap <= 1e-9
+    assert worst.outside <= 1e-9
+    assert worst.energy_rise <= 1e-12
+    assert worst.events < 1000
+
+
+def test_push_through_a_chain_keeps_it_together() -> None:
+    simulation = bs.Simulation(in_a_row((0.0, 120.0), (0.0, 0.0), (0.0, 0.0)))
+    simulation.run(until=0.05)
+    gaps = np.diff(simulation.positions[:, 0]) - 2.0 * RADIUS
+    assert gaps == pytest.approx([0.0, 0.0], abs=1e-9)
+    # a = mu_s g - f1, each of the two pushed balls gives way by 5/7 of its net push
+    assert simulation.velocities[0, 0] > 0.05 * 0.5 * SLIDING / 3.0
+
+
+def test_pieces_of_a_contact_give_the_bits_of_one_run() -> None:
+    scene = PRESSED_SCENES["oblique push"]
+    whole, pieces = bs.Simulation(scene), bs.Simulation(scene)
+    events = whole.run(until=1.0)
+    collected = [event for _ in range(1000) for event in pieces.advance(0.001)]
+    assert collected == list(events)
+    assert np.array_equal(pieces.positions, whole.positions)

@@ -1,0 +1,189 @@
+"""Scenes: what is refused, the file, the built-in ones."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import billiards_sim as bs
+
+RADIUS = bs.Physics().radius
+GOOD = [[0.5, 0.5], [1.0, 0.5]]
+
+
+@pytest.mark.parametrize(
+    "arguments, complaint",
+    [
+        ({"positions": []}, "at least one ball"),
+        ({"positions": 3.0}, "at least one ball"),
+        ({"positions": [[0.5, 0.5, 0.0]]}, r"positions must have shape \(1, 2\), got \(1, 3\)"),
+        ({"positions": [["a", "b"]]}, r"positions must be numbers of shape \(1, 2\)"),
+        ({"positions": [[0.5, math.nan]]}, "positions of ball 'cue' must be finite.*nan"),
+        ({"positions": GOOD, "velocities": [[0.0, 0.0]]}, r"velocities must have shape \(2, 2\), got \(1, 2\)"),
+        ({"positions": GOOD, "velocities": [[0, 0], [0, math.inf]]}, "velocities of ball '1' must be finite.*inf"),
+        ({"positions": GOOD, "angular_velocities": [[0, 0]] * 2}, r"angular_velocities must have shape \(2, 3\)"),
+        (
+            {"positions": GOOD, "velocities": [[3e8, 0], [0, 0]]},
+            "speed of ball 'cue' must be <= 2.9.*e.08 m/s, got 300000000",
+        ),
+        ({"positions": GOOD, "angular_velocities": [[0, 0, 0], [1e11, 0, 0]]}, "spin times radius of ball '1'"),
+        ({"positions": GOOD, "names": ["a"]}, "1 names for 2 balls"),
+        ({"positions": GOOD, "names": ["a", "a"]}, "two balls are named 'a'"),
+        ({"positions": GOOD, "names": ["a", ""]}, "non-empty"),
+        ({"positions": GOOD, "names": ["a", 7]}, "non-empty strings, got 7"),
+        ({"positions": [[0.5, 0.5], [0.55, 0.5]]}, "'cue' and '1' overlap by 0.00715 m"),
+        ({"positions": [[0.07, 0.5]]}, "'cue' reaches 0.009375 m into a rail: its x is 0.07"),
+        ({"positions": [[0.5, 5.0]]}, "'cue' reaches .* into a rail: its y is 5"),
+        ({"positions": GOOD, "physics": 3}, "physics must be a Physics"),
+        ({"positions": GOOD, "shot": bs.Shot((1, 0, 0), ball="7")}, "shot.ball '7' is not in the scene"),
+        ({"positions": [[0.07, 0.07]], "table": bs.Table(length=0.05)}, "do not fit"),
+    ],
+)
+def test_bad_scene_is_refused_with_the_ball_and_the_figure(arguments, complaint) -> None:
+    with pytest.raises(ValueError, match=complaint) as refusal:
+        bs.Scene(**arguments)
+    assert "\n" not in str(refusal.value)
+
+
+def test_touching_balls_are_a_scene() -> None:
+    bs.Scene([[1.0, 0.5], [1.0 + 2.0 * RADIUS, 0.5]])
+    bs.Scene([[0.0508 + RADIUS, 0.5]])
+
+
+@pytest.mark.parametrize(
+    "owner, field, value, complaint",
+    [
+        (bs.Physics, "mass", 0.0, r"physics.mass must be a number > 0 \(kg\), got 0.0"),
+        (bs.Physics, "rail_restitution", 1.5, "physics.rail_restitution must be a number >= 0, <= 1"),
+        (bs.Physics, "sliding_friction", -0.1, "physics.sliding_friction must be a number >= 0"),
+        (bs.Physics, "gravity", math.nan, "physics.gravity must be a number > 0"),
+        (bs.Table, "length", "long", r"table.length must be a number > 0.*\(m\), got 'long'"),
+        (bs.Table, "width", math.inf, "table.width must be a number > 0"),
+    ],
+)
+def test_constant_out_of_bounds_is_refused(owner, field, value, complaint) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        owner(**{field: value})
+
+
+def test_integers_are_taken_as_floats() -> None:
+    assert isinstance(bs.Table(length=2).length, float)
+
+
+def test_scene_arrays_are_copies_that_cannot_be_written() -> None:
+    given = np.array(GOOD)
+    scene = bs.Scene(given)
+    given[0, 0] = 0.7
+    assert scene.positions[0, 0] == 0.5
+    with pytest.raises(ValueError, match="read-only"):
+        scene.positions[0, 0] = 0.7
+
+
+def test_default_names() -> None:
+    assert bs.scenes.eight_ball().names == ("cue", *map(str, range(1, 16)))
+
+
+def test_file_gives_back_the_same_bits(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    scene = bs.Scene(
+        bs.scenes.random_balls(5, seed=2).positions,
+        random.uniform(-5, 5, (5, 2)),
+        random.uniform(-99, 99, (5, 3)),
+        names=["cue", "yes", "1", "ä ö", "no: 3"],
+        table=bs.Table(length=2.5),
+        physics=bs.Physics(sliding_friction=0.3, rail_restitution=1.0 / 3.0),
+        name="five balls",
+        shot=bs.Shot((1.0 / 3.0, 2.0, 0.0), (0.001, -0.002), "yes"),
+    )
+    bs.save_scene(scene, tmp_path / "scene.yaml")
+    loaded = bs.load_scene(tmp_path / "scene.yaml")
+    for key in ("positions", "velocities", "angular_velocities"):
+        assert np.array_equal(getattr(loaded, key), getattr(scene, key)), key
+    for key in ("names", "table", "physics", "name", "shot"):
+        assert getattr(loaded, key) == getattr(scene, key), key
+
+
+def test_file_may_omit_what_has_a_default(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text("physics: {sliding_friction: 0.3}\nballs:\n  - {name: cue, position: [1, 0.5]}\n")
+    scene = bs.load_scene(path)
+    assert scene.physics == bs.Physics(sliding_friction=0.3)
+    assert scene.table == bs.Table()
+    assert scene.shot is None
+    assert scene.positions.tolist() == [[1.0, 0.5]]
+
+
+@pytest.mark.parametrize(
+    "text, complaint",
+    [
+        ("balls: [", "not YAML"),
+        ("[1, 2]", "scene must be a mapping"),
+        ("name: x", "scene lacks balls"),
+        ("balls: []", "balls must be a list of at least one ball"),
+        ("balls: [{position: [1, 0.5]}]", r"balls\[0\] lacks name"),
+        ("balls: [{name: cue, position: [1, 0.5], spin: 3}]", r"balls\[0\] has no key 'spin'; known: .*velocity"),
+        ("ball: []\nballs: []", "scene has no key 'ball'"),
+        ("balls: [{name: cue, position: [1, 0.5]}]\nphysics: {friction: 1}", "physics has no field 'friction'; known"),
+        ("balls: [{name: cue, position: [1, 0.5]}]\ntable: {length: -1}", "table.length must be a number > 0"),
+        ("balls: [{name: cue, position: [1, 0.5]}]\nshot: {force: [1, 0]}", "shot.force must be 3 numbers"),
+        ("balls: [{name: cue, position: [9, 0.5]}]", "reaches"),
+        ("balls: !!python/object/apply:os.getcwd []", "not YAML"),
+    ],
+)
+def test_bad_file_is_refused_in_one_line_that_names_it(tmp_path: Path, text: str, complaint: str) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=complaint) as refusal:
+        bs.load_scene(path)
+    assert str(path) in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-4, 1e-3])
+def test_rack_is_a_triangle_on_the_foot_spot(gap: float) -> None:
+    scene = bs.scenes.eight_ball(gap)
+    table = scene.table
+    assert scene.positions[0] == pytest.approx(table.head_spot)
+    rack = scene.positions[1:]
+    apex = rack[np.argmin(rack[:, 0])]
+    assert apex == pytest.approx(table.foot_spot)
+    third_row = table.foot_spot[0] + 2.0 * math.sqrt(0.75) * (2.0 * RADIUS + gap)
+    assert scene.positions[8] == pytest.approx([third_row, table.foot_spot[1]], abs=1e-12)  # the 8 in the middle
+    distances = np.hypot(*(rack[:, np.newaxis] - rack).T)[np.triu_indices(15, 1)]
+    neighbours = np.sort(distances)[:30]
+    assert neighbours == pytest.approx(np.full(30, 2.0 * RADIUS + gap), abs=2e-15)
+    back = np.flatnonzero(rack[:, 0] > rack[:, 0].max() - 1e-9) + 1
+    corners = back[[np.argmin(scene.positions[back, 1]), np.argmax(scene.positions[back, 1])]]
+    assert {bool(number < 8) for number in corners} == {True, False}  # a solid and a stripe
+
+
+def test_rack_is_mirror_symmetric_to_the_last_bit() -> None:
+    scene = bs.scenes.eight_ball(0.0)
+    aside = scene.positions[1:, 1] - scene.table.centre[1]
+    assert sorted(zip(scene.positions[1:, 0], aside, strict=True)) == sorted(
+        zip(scene.positions[1:, 0], -aside, strict=True)
+    )
+
+
+@pytest.mark.parametrize("gap", [-1e-6, math.nan, math.inf, "1"])
+def test_bad_gap_is_refused(gap) -> None:
+    with pytest.raises(ValueError, match="gap must be a finite number >= 0"):
+        bs.scenes.eight_ball(gap)
+
+
+def test_random_balls_are_the_same_for_the_same_seed() -> None:
+    one, same, other = (bs.scenes.random_balls(20, seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.positions, same.positions)
+    assert np.array_equal(one.velocities, same.velocities)
+    assert not np.array_equal(one.positions, other.positions)
+    assert np.abs(one.velocities).max() <= 7.0
+    assert (one.velocities < 0.0).any() and (one.velocities > 0.0).any()
+
+
+@pytest.mark.parametrize("count, complaint", [(0, "count must be"), (2.5, "count must be"), (100_000, "no room")])
+def test_impossible_count_is_refused(count, complaint) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        bs.scenes.random_balls(count)

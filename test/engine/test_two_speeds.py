@@ -1,0 +1,73 @@
+"""The same source compiled and interpreted: the same bits; and what importing the engine brings in."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from checks import random_scene
+
+import billiards_sim as bs
+from billiards_sim.engine.jit import COMPILED
+
+HERE = Path(__file__).parent
+
+
+def digest() -> str:
+    """Of every event and final state of a break, of the exact scenes' kind of scene and of random ones."""
+    scenes = [bs.scenes.head_on(), bs.scenes.glancing(), bs.scenes.eight_ball(), bs.scenes.eight_ball(0.0)]
+    scenes += [random_scene(seed) for seed in range(20)]
+    scenes.append(bs.Scene([[2.35, 0.6]], [[0.1, 0.5]], [[0.0, 150.0, 0.0]]))
+    summary = hashlib.sha256()
+    for scene in scenes:
+        simulation = bs.Simulation(scene)
+        if scene.name == "eight_ball":
+            simulation.strike((120.0, 1.0, 0.0), (0.004, 0.006))
+        for event in simulation.run():
+            summary.update(repr(event).encode())
+        for state in (simulation.positions, simulation.velocities, simulation.angular_velocities):
+            summary.update(np.ascontiguousarray(state).tobytes())
+    return summary.hexdigest()
+
+
+def in_new_process(code: str, **environment: str) -> str:
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join((str(HERE), *sys.path)), **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout.strip()
+
+
+@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
+def test_compiled_and_interpreted_kernels_give_the_same_bits() -> None:
+    interpreted = in_new_process("from test_two_speeds import digest; print(digest())", NUMBA_DISABLE_JIT="1")
+    assert interpreted == digest()
+
+
+def test_same_bits_in_another_process() -> None:
+    assert in_new_process("from test_two_speeds import digest; print(digest())") == digest()
+
+
+def test_import_brings_in_neither_ros_nor_matplotlib() -> None:
+    code = "import sys, billiards_sim; print([m for m in ('rclpy', 'matplotlib') if m in sys.modules])"
+    assert in_new_process(code) == "[]"
+
+
+def test_engine_runs_without_numba() -> None:
+    code = (
+        "import sys; sys.modules['numba'] = None\n"
+        "from billiards_sim.engine.jit import COMPILED\n"
+        "import billiards_sim as bs\n"
+        "print(COMPILED, len(bs.Simulation(bs.scenes.head_on()).run()))"
+    )
+    assert in_new_process(code) == "False 10"
