@@ -32,6 +32,7 @@ from billiards_sim.engine.state import (
     DIR_X,
     DIR_Y,
     FIRST,
+    FIRST_PUSH,
     HELD,
     HELD_X,
     INF,
@@ -76,11 +77,21 @@ MAX_STRAY = 1e-9
 """m s/s: turning rate of a normal times the cube of a step. Between the ends of a step the gap of two balls, whose push
 changes by a few m/s^2 a radian, then strays by less than 1e-10 m."""
 
-MIN_STEP = 1e-9
-"""s. A slip or a motion that friction ends within this time has ended."""
+MIN_STEP = 1e-8
+"""s. A slip that friction ends within this time has ended."""
 
-MAX_TURN = 0.0005
-"""rad. Largest turn of a slip or of a rolling direction in a step: paths are then exact to 1e-6 m."""
+MIN_WAY = 1e-12
+"""m. A ball in contact that rolls no further than this rests."""
+
+MAX_TURN = 0.2
+"""rad. Largest turn of a slip or of a rolling direction in a step."""
+
+SLIP_TURN_ERROR = 3e-8
+"""m/s. Slip speed times the square of its turn in a step. A turn misplaces the end of a slip in time, not the velocity
+that is left, so a slow slip may turn further: paths are then exact to 2e-7 m."""
+
+ROLL_TURN_ERROR = 2e-5
+"""m/s. The same of a rolling ball, whose resistance is a twentieth of sliding friction."""
 
 PUSH_TOLERANCE = 1e-11
 """m/s^2. Accuracy of the pushes when they are solved together."""
@@ -144,7 +155,7 @@ def _mean_acceleration(ball: Rows, approach: float, constants: Constants) -> tup
         return ball[AX], ball[AY]
     ux, uy = slip(ball, constants.radius)
     slipping = math.sqrt(ux * ux + uy * uy)
-    if slipping > MICRO_SLIP * approach and phase_of(ball, constants.radius) == SLIDING:
+    if slipping > MICRO_SLIP * approach and phase_of(ball, constants) == SLIDING:
         return -constants.sliding * ux / slipping, -constants.sliding * uy / slipping
     speed = math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY])
     if speed > MICRO_SLIP * approach:
@@ -230,9 +241,10 @@ def _end_micro_slip(ball: Rows, constants: Constants) -> None:
 
 @kernel
 def _end_micro_motion(ball: Rows, constants: Constants) -> None:
-    # A roll that friction ends within MIN_STEP. The acceleration stays: it tells whether the ball is being pushed.
-    speed = math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY])
-    if ball[PHASE] == ROLLING and speed <= constants.rolling * MIN_STEP:
+    # A roll that is ending and would go no further than MIN_WAY. The acceleration stays: it tells what pushes the ball.
+    square = ball[VX] * ball[VX] + ball[VY] * ball[VY]
+    ending = ball[AX] * ball[VX] + ball[AY] * ball[VY] <= 0.0
+    if ball[PHASE] == ROLLING and ending and square <= 2.0 * constants.rolling * MIN_WAY:
         ball[PHASE] = AT_REST
         ball[VX] = 0.0
         ball[VY] = 0.0
@@ -407,14 +419,17 @@ def _step_for(ball: Rows, constants: Constants) -> float:
         vx, vy = slip(ball, constants.radius)
         ax = ball[AX] - constants.radius * ball[ALPHA_Y]
         ay = ball[AY] + constants.radius * ball[ALPHA_X]
+        error = SLIP_TURN_ERROR
     else:
         vx, vy, ax, ay = ball[VX], ball[VY], ball[AX], ball[AY]
+        error = ROLL_TURN_ERROR
     step = INF
     speed = math.sqrt(vx * vx + vy * vy)
     along = ax * ball[DIR_X] + ay * ball[DIR_Y]
     across = abs(ax * ball[DIR_Y] - ay * ball[DIR_X])
     if across > 0.0:
-        step = MAX_TURN * speed / across
+        turn = min(MAX_TURN, math.sqrt(error / speed)) if speed > 0.0 else MAX_TURN
+        step = turn * speed / across
     if along < 0.0 and speed < -along * 2.0 * step:
         stop = speed / -along
         step = stop if stop <= step else 0.5 * stop
@@ -429,6 +444,8 @@ def update_contacts(state: State, constants: Constants, now: float) -> None:
     """
     clock = state.clock[0]
     balls = state.balls
+    for c in range(int(clock[CONTACTS])):
+        state.contacts[c][PUSH] = 0.0  # not from where they were: among resting balls any old push would do
     sliding_off = True
     while sliding_off:
         for i in range(len(balls)):
@@ -439,6 +456,8 @@ def update_contacts(state: State, constants: Constants, now: float) -> None:
         for i in range(len(balls)):
             if balls[i][HELD] > 0.0 and _slides_off(balls[i], constants):
                 sliding_off = True
+    for c in range(int(clock[CONTACTS])):
+        state.contacts[c][FIRST_PUSH] = state.contacts[c][PUSH]
     step = MAX_STEP
     for i in range(len(balls)):
         if balls[i][HELD] > 0.0:
@@ -463,7 +482,8 @@ def update_contacts(state: State, constants: Constants, now: float) -> None:
                 else:
                     _stay(ball)
     for c in range(int(clock[CONTACTS]) - 1, -1, -1):
-        if state.contacts[c][PUSH] <= PUSH_TOLERANCE or _rests(state, state.contacts[c]):
+        # One that closes at first and opens within the step lasts for the step.
+        if max(state.contacts[c][PUSH], state.contacts[c][FIRST_PUSH]) <= PUSH_TOLERANCE:
             _release(state, c)
     clock[UPDATE_TIME] = now + step if clock[CONTACTS] > 0.0 else INF
 
@@ -476,13 +496,6 @@ def _turning_rate(state: State, contact: Rows, constants: Constants) -> float:
     first, second = state.balls[int(contact[FIRST])], state.balls[int(contact[SECOND])]
     across = (first[VY] - second[VY]) * contact[NORMAL_X] - (first[VX] - second[VX]) * contact[NORMAL_Y]
     return abs(across) / (2.0 * constants.radius)
-
-
-@kernel
-def _rests(state: State, contact: Rows) -> bool:
-    # Whether both sides rest: what once pressed them is gone.
-    second = int(contact[SECOND])
-    return state.balls[int(contact[FIRST])][PHASE] == AT_REST and (second < 0 or state.balls[second][PHASE] == AT_REST)
 
 
 @kernel

@@ -30,6 +30,9 @@ REJECT_ROUNDING = 1e-13
 APPROACH_ROUNDING = 1e-14
 """Relative to the relative speed: an approach this slow at a touch is rounding of a tangential motion."""
 
+GAP_ROUNDING = 1e-15
+"""m. Two balls that have just collided and come apart by no more than this have not come apart."""
+
 SPEED_ROUNDING = 1e-15
 """m/s. An approach this slow at a touch is rounding of velocities that were equal: it closes 1e-14 m in ten seconds."""
 
@@ -148,9 +151,7 @@ def contact_time(
     first_gap = math.sqrt(square) - diameter
     if first_gap <= TOUCH:
         if parted or along >= -diameter * (APPROACH_ROUNDING * math.sqrt(speed2) + SPEED_ROUNDING):
-            approach = max(along, 0.0)
-            if parted and approach == 0.0 and speed2 + pull <= 0.0:
-                return INF  # they rest against each other; what pushes them is not motion
+            approach = along if along > diameter * SPEED_ROUNDING else 0.0
         elif first_gap <= 0.0:
             return 0.0
 
@@ -181,8 +182,12 @@ def contact_time(
                 return _closing_time(px, py, vx, vy, ax, ay, start, turn, diameter)
         elif approach >= 0.0 and at_high < 0.0:  # a furthest point within: approach begins
             start = low if approach == 0.0 else _turning_time(px, py, vx, vy, ax, ay, low, high)
-            if gap(px, py, vx, vy, ax, ay, start, diameter) <= 0.0:
-                return start
+            furthest = gap(px, py, vx, vy, ax, ay, start, diameter)
+            if furthest <= GAP_ROUNDING:
+                if not parted:
+                    return start
+                # They have not come apart: wait until they are closer for certain.
+                diameter += min(furthest, 0.0) - TOUCH
         if at_high < 0.0 and gap(px, py, vx, vy, ax, ay, high, diameter) <= 0.0:
             return _closing_time(px, py, vx, vy, ax, ay, start, high, diameter)
         low = high
@@ -208,6 +213,8 @@ def rail_contact_time(distance: float, speed: float, acceleration: float, parted
     discriminant = speed * speed + 2.0 * acceleration * room
     if speed > 0.0:
         return 2.0 * room / (speed + math.sqrt(discriminant)) if discriminant >= 0.0 else INF
-    if acceleration > 0.0 and not (parted and speed == 0.0):
+    if acceleration > 0.0:
+        if parted and speed == 0.0:  # it has not come off: wait until it is in touch for certain
+            discriminant += 2.0 * acceleration * TOUCH
         return (math.sqrt(discriminant) - speed) / acceleration
     return INF

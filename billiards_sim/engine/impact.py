@@ -28,8 +28,8 @@ def approach_speed(first: Rows, second: Rows, nx: float, ny: float) -> float:
 
 
 @kernel
-def collide_balls(first: Rows, second: Rows, nx: float, ny: float, approach: float, constants: Constants) -> float:
-    """Exchange the normal velocities of two balls (equations 44 to 49); returns the impulse, N s.
+def collide_balls(first: Rows, second: Rows, nx: float, ny: float, approach: float) -> None:
+    """Exchange the normal velocities of two balls (equations 44 to 49); the impulse is mass times approach speed.
 
     With v1' = v1 + s n and v2' = v2 - s n, s the approach speed, the components along n are exchanged and momentum is
     kept to the last bit of the sum.
@@ -38,12 +38,9 @@ def collide_balls(first: Rows, second: Rows, nx: float, ny: float, approach: flo
     first[VY] += approach * ny
     second[VX] -= approach * nx
     second[VY] -= approach * ny
-    return constants.mass * approach
 
 
 @kernel
-def collide_rail(ball: Rows, axis: int, constants: Constants) -> float:
-    """Turn back the velocity along an axis (0: x, 1: y), times the restitution; returns the impulse, N s."""
-    speed = abs(ball[VX + axis])
+def collide_rail(ball: Rows, axis: int, constants: Constants) -> None:
+    """Turn back the velocity along an axis (0: x, 1: y), times the restitution."""
     ball[VX + axis] *= -constants.restitution
-    return constants.mass * (1.0 + constants.restitution) * speed

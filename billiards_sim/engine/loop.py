@@ -10,6 +10,7 @@ from billiards_sim.engine.contact import (
     settle_contacts,
     update_contacts,
 )
+from billiards_sim.engine.detection import SPEED_ROUNDING
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, RESTED, ROLLED
 from billiards_sim.engine.impact import approach_speed, collide_balls, collide_rail, normal_between
 from billiards_sim.engine.jit import Rows, entry, kernel
@@ -95,7 +96,8 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     nx, ny = normal_between(first, second)
     approach = max(approach_speed(first, second, nx, ny), 0.0)
     pressed = presses_ball(first, second, nx, ny, approach, constants)
-    impulse = collide_balls(first, second, nx, ny, approach, constants)
+    if not pressed:
+        collide_balls(first, second, nx, ny, approach)
     if approach > 0.0:
         event = _log_event(state, now, BALL_BALL, i, float(j))
         event[E_POINT_X] = 0.5 * (first[X] + second[X])
@@ -103,20 +105,20 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
         event[E_NORMAL_X] = nx
         event[E_NORMAL_Y] = ny
         event[E_APPROACH] = approach
-        event[E_IMPULSE] = impulse
+        event[E_IMPULSE] = constants.mass * approach
     if held or pressed:
         first[CHANGED] = 1.0
         second[CHANGED] = 1.0
         if pressed:
             hold(state, i, float(j))
             settle_contacts(state, constants, now)
-        else:
+        elif approach > SPEED_ROUNDING:
             release_ball(state, i)
             release_ball(state, j)
         _resume(state, constants, now)
         return
-    begin_motion(first, phase_of(first, constants.radius), constants)
-    begin_motion(second, phase_of(second, constants.radius), constants)
+    begin_motion(first, phase_of(first, constants), constants)
+    begin_motion(second, phase_of(second, constants), constants)
     _report_phase(state, i, now)
     _report_phase(state, j, now)
     predict_rail(first, NOBODY, constants)
@@ -140,25 +142,26 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
     ball[X + axis] = -inward * limit  # where it is but for rounding
     approach = max(-inward * ball[VX + axis], 0.0)
     pressed = presses_rail(ball, nx, ny, approach, constants)
+    if not pressed:
+        collide_rail(ball, axis, constants)
     if approach > 0.0:
-        impulse = collide_rail(ball, axis, constants)
         event = _log_event(state, now, BALL_RAIL, i, rail)
         event[E_POINT_X] = ball[X] - constants.radius * nx
         event[E_POINT_Y] = ball[Y] - constants.radius * ny
         event[E_NORMAL_X] = nx
         event[E_NORMAL_Y] = ny
         event[E_APPROACH] = approach
-        event[E_IMPULSE] = impulse
+        event[E_IMPULSE] = constants.mass * (1.0 + constants.restitution) * approach
     if held or pressed:
         ball[CHANGED] = 1.0
         if pressed:
             hold(state, i, -1.0 - rail)
             settle_contacts(state, constants, now)
-        else:
+        elif approach > SPEED_ROUNDING:
             release_ball(state, i)
         _resume(state, constants, now)
         return
-    begin_motion(ball, phase_of(ball, constants.radius), constants)
+    begin_motion(ball, phase_of(ball, constants), constants)
     _report_phase(state, i, now)
     predict_rail(ball, rail, constants)
     predict_pairs(state, constants, i, NOBODY, now)
@@ -172,7 +175,7 @@ def _resume(state: State, constants: Constants, now: float) -> None:
         ball = state.balls[i]
         if ball[CHANGED] > 0.0:
             if ball[HELD] == 0.0:
-                begin_motion(ball, phase_of(ball, constants.radius), constants)
+                begin_motion(ball, phase_of(ball, constants), constants)
             _report_phase(state, i, now)
             predict_rail(ball, NOBODY, constants)
     for i in range(len(state.balls)):

@@ -69,14 +69,14 @@ def roll_off(ball: Rows, radius: float) -> None:
 
 
 @kernel
-def phase_of(ball: Rows, radius: float) -> float:
+def phase_of(ball: Rows, constants: Constants) -> float:
     """The phase that velocity and spin of a ball stand for."""
-    ux, uy = slip(ball, radius)
+    ux, uy = slip(ball, constants.radius)
     speed = math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY])
-    spin = radius * math.sqrt(ball[WX] * ball[WX] + ball[WY] * ball[WY])
-    if math.sqrt(ux * ux + uy * uy) > SLIP_ROUNDING * (speed + spin):
+    spin = constants.radius * math.sqrt(ball[WX] * ball[WX] + ball[WY] * ball[WY])
+    if math.sqrt(ux * ux + uy * uy) > max(SLIP_ROUNDING * (speed + spin), constants.rest_speed):
         return SLIDING
-    return ROLLING if speed > 0.0 else AT_REST
+    return ROLLING if speed > constants.rest_speed else AT_REST
 
 
 @kernel
@@ -120,8 +120,7 @@ def end_phase(ball: Rows, constants: Constants) -> None:
         # From the state before the slide rather than at its end: exact, where the end of the slide is rounded.
         ball[VX], ball[VY], ball[WX], ball[WY] = vx, vy, wx, wy
         roll_off(ball, constants.radius)
-        moving = ball[VX] * ball[VX] + ball[VY] * ball[VY] > 0.0
-        begin_motion(ball, ROLLING if moving else AT_REST, constants)
+        begin_motion(ball, phase_of(ball, constants), constants)
     else:
         anchor(ball, end)
         begin_motion(ball, AT_REST, constants)

@@ -46,7 +46,8 @@ ROLLING = 2.0
 FIRST, SECOND = 0, 1  # ball; ball or, for a rail, -1 - code
 PUSH = 2  # m/s^2 per mass
 NORMAL_X, NORMAL_Y = 3, 4  # unit, from second to first
-CONTACT_COLUMNS = 5
+FIRST_PUSH = 5  # m/s^2, the push at the start of a step
+CONTACT_COLUMNS = 6
 
 # Columns of the clock, a table of one row.
 NOW = 0  # s, the last event
@@ -59,6 +60,11 @@ CLOCK_COLUMNS = 4
 E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3  # E_SECOND: ball or rail
 E_POINT_X, E_POINT_Y, E_NORMAL_X, E_NORMAL_Y, E_APPROACH, E_IMPULSE = 4, 5, 6, 7, 8, 9
 EVENT_COLUMNS = 10
+
+
+REST_WAY = 1e-20
+"""m. A ball that would roll no further than this has stopped, 4e-11 m/s on the paper's cloth: otherwise balls in touch
+hand on the rounding of their velocities in ever smaller steps. Without friction nothing stops."""
 
 
 class State(NamedTuple):
@@ -81,15 +87,19 @@ class Constants(NamedTuple):
     restitution: float
     limit_x: float  # m, largest |x| of a ball's centre
     limit_y: float  # m
+    rest_speed: float  # m/s, a ball or a slip this slow has stopped
 
 
 def constants(physics: Physics, table: Table) -> Constants:
+    sliding = physics.sliding_friction * physics.gravity
+    rolling = physics.rolling_friction * physics.gravity
     return Constants(
         mass=physics.mass,
         radius=physics.radius,
-        sliding=physics.sliding_friction * physics.gravity,
-        rolling=physics.rolling_friction * physics.gravity,
+        sliding=sliding,
+        rolling=rolling,
         restitution=physics.rail_restitution,
         limit_x=0.5 * table.length - physics.radius,
         limit_y=0.5 * table.width - physics.radius,
+        rest_speed=math.sqrt(2.0 * rolling * REST_WAY) if sliding > 0.0 else 0.0,
     )
