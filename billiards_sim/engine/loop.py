@@ -69,7 +69,7 @@ def run_until(state: State, constants: Constants, until: float, batch: int) -> i
         clock[NOW] = now
         if i < 0:
             settle_contacts(state, constants, now)
-            _resume(state, constants, now)
+            _resume(state, constants, now, NOBODY, NOBODY)
             continue
         ball = state.balls[i]
         if ball[HIT_TIME] == now:
@@ -94,10 +94,12 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     anchor(first, now)
     anchor(second, now)
     nx, ny = normal_between(first, second)
-    approach = max(approach_speed(first, second, nx, ny), 0.0)
+    approach = approach_speed(first, second, nx, ny)
+    if approach < SPEED_ROUNDING:
+        approach = 0.0
     pressed = presses_ball(first, second, nx, ny, approach, constants)
     if not pressed:
-        collide_balls(first, second, nx, ny, approach)
+        collide_balls(first, second, nx, ny, approach, constants)
     if approach > 0.0:
         event = _log_event(state, now, BALL_BALL, i, float(j))
         event[E_POINT_X] = 0.5 * (first[X] + second[X])
@@ -115,7 +117,7 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
         elif approach > SPEED_ROUNDING:
             release_ball(state, i)
             release_ball(state, j)
-        _resume(state, constants, now)
+        _resume(state, constants, now, float(i), float(j))
         return
     begin_motion(first, phase_of(first, constants), constants)
     begin_motion(second, phase_of(second, constants), constants)
@@ -159,7 +161,7 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
             settle_contacts(state, constants, now)
         elif approach > SPEED_ROUNDING:
             release_ball(state, i)
-        _resume(state, constants, now)
+        _resume(state, constants, now, NOBODY, NOBODY)
         return
     begin_motion(ball, phase_of(ball, constants), constants)
     _report_phase(state, i, now)
@@ -168,8 +170,9 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
 
 
 @kernel
-def _resume(state: State, constants: Constants, now: float) -> None:
-    # Set going every ball that is marked as changed, in sustained contact or free, and predict it again.
+def _resume(state: State, constants: Constants, now: float, first: float, second: float) -> None:
+    # Set going every ball that is marked as changed, in sustained contact or free, and predict it again. Two balls
+    # that have just met part from each other.
     update_contacts(state, constants, now)
     for i in range(len(state.balls)):
         ball = state.balls[i]
@@ -181,7 +184,8 @@ def _resume(state: State, constants: Constants, now: float) -> None:
     for i in range(len(state.balls)):
         if state.balls[i][CHANGED] > 0.0:
             state.balls[i][CHANGED] = 0.0
-            predict_pairs(state, constants, i, NOBODY, now)
+            parted = second if i == first else (first if i == second else NOBODY)
+            predict_pairs(state, constants, i, parted, now)
 
 
 @kernel
