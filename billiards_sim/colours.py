@@ -1,0 +1,28 @@
+"""Colours of the table and the balls, (red, green, blue) from 0 to 1, for whoever draws them."""
+
+from __future__ import annotations
+
+CLOTH = (0.05, 0.40, 0.25)
+WOOD = (0.35, 0.20, 0.10)
+CUE_BALL = (0.96, 0.95, 0.90)
+UNNUMBERED = (0.75, 0.75, 0.78)
+NUMBERED = (
+    (0.95, 0.77, 0.06),  # 1 and 9 yellow
+    (0.10, 0.25, 0.70),  # 2 and 10 blue
+    (0.80, 0.10, 0.10),  # 3 and 11 red
+    (0.40, 0.15, 0.50),  # 4 and 12 purple
+    (0.95, 0.45, 0.08),  # 5 and 13 orange
+    (0.05, 0.45, 0.20),  # 6 and 14 green
+    (0.50, 0.08, 0.12),  # 7 and 15 maroon
+    (0.06, 0.06, 0.06),  # 8 black
+)
+"""Of the balls 1 to 8; 9 to 15 repeat 1 to 7."""
+
+
+def ball_colour(name: str) -> tuple[float, float, float]:
+    """Colour of a ball by its name: pool's for "1" to "15" and "cue"."""
+    if name == "cue":
+        return CUE_BALL
+    if name.isascii() and name.isdigit() and 1 <= int(name) <= 15:
+        return NUMBERED[(int(name) - 1) % 8]
+    return UNNUMBERED

@@ -1,0 +1,166 @@
+"""The executable `demo`: a table in one process, a break shot from another, and what the table publishes."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from geometry_msgs.msg import PoseArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool, String
+
+from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.ros.process import STOPPED, Child, StartError, isolate, own_arguments, ros, wake_on_signals
+
+BREAK_FORCE = ("128", "0")
+"""N. 8 m/s with the default physics: an ordinary break."""
+
+FAILED = 1
+"""Exit code of a demo that did not come to its end."""
+
+
+class DemoError(Exception):
+    """The demo cannot go on; the text is one line for the user."""
+
+
+class Spectator(Node):
+    """Prints collisions as they arrive and keeps what the summary needs."""
+
+    def __init__(self) -> None:
+        super().__init__("spectator")
+        self.balls = 0
+        self.counts: Counter[str] = Counter()
+        self.first_time = math.nan
+        self.last_time = math.nan
+        self.largest_overlap = 0.0
+        self.at_rest: bool | None = None
+        self.moving: set[str] = set()
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(String, "collisions", self._on_collision, 1000)
+        self.create_subscription(PoseArray, "balls/poses", self._on_poses, 100)
+        self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the table publishes and its balls rest."""
+        return self.balls > 0 and self.at_rest is True
+
+    @property
+    def finished(self) -> bool:
+        """Whether the shot is over and the last event has arrived."""
+        return self.counts["shot"] > 0 and self.at_rest is True and not self.moving
+
+    def _on_collision(self, message: String) -> None:
+        event = json.loads(message.data)
+        kind = event["kind"]
+        self.counts[kind] += 1
+        self.last_time = event["time"]
+        if kind == "shot":
+            self.first_time = event["time"]
+        if kind == "rest":
+            self.moving.difference_update(event["balls"])
+        else:
+            self.moving.update(event["balls"])
+        line = describe(event)
+        if line:
+            print(f"  {event['time'] - self.first_time:7.4f} s  {line}", flush=True)
+
+    def _on_poses(self, message: PoseArray) -> None:
+        self.balls = len(message.poses)
+        self.largest_overlap = max(self.largest_overlap, overlap(message))
+
+    def _on_at_rest(self, message: Bool) -> None:
+        self.at_rest = message.data
+
+
+def describe(event: dict[str, Any]) -> str:
+    """A collision or a shot in words; nothing for the end of slip or of motion."""
+    balls = event["balls"]
+    if event["kind"] == "shot":
+        return f"the cue hits ball {balls[0]} with {event['impulse']:.3g} N s"
+    if event["kind"] == "ball_ball":
+        return f"ball {balls[0]} and ball {balls[1]} at {event['approach_speed']:.3f} m/s"
+    if event["kind"] == "ball_rail":
+        return f"ball {balls[0]} and rail {event['rail']} at {event['approach_speed']:.3f} m/s"
+    return ""
+
+
+def overlap(poses: PoseArray) -> float:
+    """Depth by which the worst pair of balls overlaps, m; 0 where none does. A ball's z is its radius."""
+    centres = [(pose.position.x, pose.position.y, pose.position.z) for pose in poses.poses]
+    worst = 0.0
+    for index, (x, y, radius) in enumerate(centres):
+        for other_x, other_y, other_radius in centres[:index]:
+            worst = max(worst, radius + other_radius - math.hypot(x - other_x, y - other_y))
+    return worst
+
+
+def main(arguments: list[str]) -> int:
+    """Run the demo; returns the exit code."""
+    parser = Parser(
+        prog="demo",
+        description="Start a table with an eight-ball rack, break it from a second process over ROS 2, print the "
+        "collisions as the table publishes them and a summary. Takes about 15 s. "
+        "Exit code 0: the break came to rest; 1: something failed; 2: bad arguments.",
+    )
+    parser.add_argument("--timeout", type=positive_seconds, default=120.0, metavar="S", help="longest run, s (120)")
+    isolate(os.environ)
+    try:
+        options = parser.parse_args(own_arguments("demo", arguments))
+        with ros("demo", arguments):
+            wake_on_signals()
+            _play(options.timeout)
+    except StartError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return USAGE_ERROR
+    except DemoError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return FAILED
+    except STOPPED:
+        print("demo: stopped", file=sys.stderr)
+        return FAILED
+    return 0
+
+
+def _play(timeout: float) -> None:
+    deadline = time.monotonic() + timeout
+    spectator = Spectator()
+    executor = SingleThreadedExecutor()
+    executor.add_node(spectator)
+    print(f"demo: starting a table with an eight-ball rack, ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}", flush=True)
+    with Child("table", "--ros-args", "-p", "scene:=eight_ball") as table:
+
+        def watch(done: Callable[[], bool], missing: str, shooter: Child | None = None) -> None:
+            while not done():
+                if table.exit_code is not None:
+                    raise DemoError(f"the table ended with exit code {table.exit_code}")
+                if shooter is not None and shooter.exit_code not in (None, 0):
+                    raise DemoError(f"the shot ended with exit code {shooter.exit_code}")
+                left = deadline - time.monotonic()
+                if left <= 0.0:
+                    raise DemoError(f"{missing} within {timeout:g} s")
+                executor.spin_once(timeout_sec=min(left, 0.1))
+
+        watch(lambda: spectator.ready, "the table did not publish")
+        print(f"demo: {spectator.balls} balls rest; breaking from a second process", flush=True)
+        with Child("shoot", "--force", *BREAK_FORCE) as shoot:
+            watch(lambda: spectator.finished, "the break did not come to rest", shoot)
+            watch(lambda: shoot.exit_code == 0, "the shot got no verdict", shoot)
+    _print_summary(spectator)
+
+
+def _print_summary(spectator: Spectator) -> None:
+    counts = spectator.counts
+    print("demo: summary")
+    print(f"  balls            {spectator.balls}")
+    print(f"  collisions       {counts['ball_ball']} ball-ball, {counts['ball_rail']} ball-rail")
+    print(f"  time to rest     {spectator.last_time - spectator.first_time:.3f} s")
+    print(f"  largest overlap  {spectator.largest_overlap:.3g} m")

@@ -1,0 +1,120 @@
+"""Start and end of ROS processes: arguments, signals, children."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, MutableMapping
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation  # its exceptions have no public name
+from rclpy.signals import SignalHandlerOptions, install_signal_handlers
+from rclpy.utilities import remove_ros_args
+
+STOPPED = (KeyboardInterrupt, ExternalShutdownException)
+"""What a spinning executor raises on SIGINT and on SIGTERM."""
+
+
+GRACE = 5.0
+"""s that a child has to end after its signal, before it is killed."""
+
+LAST_DOMAIN = 101
+"""ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
+
+
+class StartError(ValueError):
+    """The process cannot start as it was asked to; the text is one line for the user."""
+
+
+def own_arguments(program: str, arguments: list[str]) -> list[str]:
+    """The arguments that are not ROS's own (`--ros-args ...`).
+
+    Raises:
+        StartError: ROS arguments that rclpy refuses.
+    """
+    with _start_errors():
+        return list(remove_ros_args([program, *arguments])[1:])
+
+
+@contextmanager
+def ros(program: str, arguments: list[str]) -> Iterator[None]:
+    """ROS communication while the block runs.
+
+    Signals are left alone until `wake_on_signals`.
+
+    Raises:
+        StartError: ROS arguments or environment variables that rclpy refuses.
+    """
+    with _start_errors():
+        rclpy.init(args=[program, *arguments], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield
+    finally:
+        shut_out_signals()
+        rclpy.try_shutdown()
+
+
+def wake_on_signals() -> None:
+    """From here on SIGINT and SIGTERM wake a spinning executor, which raises one of `STOPPED`."""
+    # rclpy's handlers call the ones that were there before: these must not end the process by themselves.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    install_signal_handlers(SignalHandlerOptions.ALL)
+
+
+def shut_out_signals() -> None:
+    """From here on the process ends by itself; a second SIGINT or SIGTERM must not disturb it."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def isolate(environment: MutableMapping[str, str]) -> None:
+    """Keep traffic on this machine, in a domain of its own unless the user names one."""
+    environment.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % LAST_DOMAIN))
+    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+
+class Child:
+    """A process of this package in its own process group, ended with the block; the parent is then expected to end."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._process = subprocess.Popen([sys.executable, "-m", "billiards_sim", *arguments], start_new_session=True)
+
+    def __enter__(self) -> Child:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.exit_code is not None:
+            return
+        shut_out_signals()
+        os.killpg(self._process.pid, signal.SIGINT)
+        try:
+            self._process.wait(GRACE)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+    @property
+    def pid(self) -> int:
+        """Of the process, and of its group."""
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs."""
+        return self._process.poll()
+
+
+@contextmanager
+def _start_errors() -> Iterator[None]:
+    try:
+        yield
+    except rclpy_implementation.UnknownROSArgsError as error:
+        raise StartError(f"unknown ROS arguments: {error}") from None
+    except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
+        text = str(error).partition(", at /")[0]  # the rest names places in rcl's own sources
+        raise StartError(" ".join(text.split())) from None

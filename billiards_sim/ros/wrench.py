@@ -1,0 +1,76 @@
+"""A cue shot as a wrench about the ball's centre, and back.
+
+With the contact point r = (-behind, side, up) and the force F = (f, 0, 0) in the shot's own frame (x' along the force,
+y' to its left, z' up), the torque r x F is (0, up f, -side f).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from geometry_msgs.msg import WrenchStamped
+
+from billiards_sim.engine.scene import Shot
+
+FRAME = "table"
+"""The one frame of all messages."""
+
+TORQUE_TOLERANCE = 1e-5
+"""m. Torque along the force, divided by the force, up to which it counts as rounding: a torque typed with four decimals
+leaves 1e-6 m at 80 N and 1e-5 m at 8 N."""
+
+OFFSET_DECIMALS = 16
+"""Decimals of an offset in m that are kept: finer ones are below the last bit of a position on the table. Rounding to
+them gives an offset that was written in decimals back to the bit after its trip through a torque."""
+
+
+def shot_from_wrench(message: WrenchStamped) -> Shot:
+    """The shot that a wrench stands for. Whether the ball can take it is for `Simulation.strike` to say.
+
+    Raises:
+        ValueError: not finite, a frame other than `table`, vertical or zero force, torque along the force.
+    """
+    frame = message.header.frame_id
+    if frame not in ("", FRAME):
+        raise ValueError(f"frame_id must be {FRAME!r} or empty, got {frame!r}")
+    force, torque = message.wrench.force, message.wrench.torque
+    for name, vector, unit in (("force", force, "N"), ("torque", torque, "N m")):
+        if not all(map(math.isfinite, (vector.x, vector.y, vector.z))):
+            raise ValueError(f"{name} must be finite, got ({vector.x}, {vector.y}, {vector.z}) {unit}")
+    if force.z != 0.0:
+        raise ValueError(f"force z must be 0: the cue is level; got {force.z:.9g} N")
+    size = math.hypot(force.x, force.y)
+    if size == 0.0:
+        raise ValueError("force must not be zero")
+    along_x, along_y = force.x / size, force.y / size
+    along = (torque.x * along_x + torque.y * along_y) / size
+    side = -torque.z / size
+    up = (torque.y * along_x - torque.x * along_y) / size
+    if not math.isfinite(along + side + up):
+        raise ValueError(f"torque over force must be finite, got a force of {size:.9g} N")
+    if abs(along) > TORQUE_TOLERANCE:
+        raise ValueError(
+            f"no point on the ball gives a torque along the force: it is {along * size:.6g} N m, "
+            f"allowed up to {TORQUE_TOLERANCE * size:.6g} N m"
+        )
+    offset = (round(side, OFFSET_DECIMALS) + 0.0, round(up, OFFSET_DECIMALS) + 0.0)  # + 0.0 turns -0.0 into 0.0
+    return Shot((force.x, force.y, 0.0), offset)
+
+
+def wrench_from_shot(force: Sequence[float], offset: Sequence[float]) -> WrenchStamped:
+    """The wrench of a shot.
+
+    Args:
+        force: (x, y, z) N.
+        offset: (side, up) m from the ball's centre, seen along the force.
+    """
+    side, up = offset
+    message = WrenchStamped()
+    message.header.frame_id = FRAME
+    wrench = message.wrench
+    wrench.force.x, wrench.force.y, wrench.force.z = (float(value) for value in force)
+    wrench.torque.x = float(-wrench.force.y * up)
+    wrench.torque.y = float(wrench.force.x * up)
+    wrench.torque.z = float(-side * math.hypot(wrench.force.x, wrench.force.y))
+    return message

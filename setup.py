@@ -1,0 +1,57 @@
+from setuptools import find_packages, setup
+
+NAME = "billiards_sim"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="A billiards table as a ROS 2 node over an exact, event-driven engine",
+    license="Apache-2.0",
+    maintainer="billiards_sim maintainers",
+    maintainer_email="maintainers@billiards-sim.example.org",
+    python_requires=">=3.10",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", ["config/table.yaml", "config/table.rviz"]),
+    ],
+    install_requires=["numpy"],
+    extras_require={
+        # rclpy and messages for machines without a ROS installation
+        "ros": [
+            "ros-jazzy-rclpy[fastrtps]",
+            "ros-jazzy-std-msgs",
+            "ros-jazzy-geometry-msgs",
+            "ros-jazzy-visualization-msgs",
+            "ros-jazzy-std-srvs",
+            "ros-jazzy-rosgraph-msgs",
+            "pyyaml",
+        ],
+        "fast": ["numba"],
+        "plot": ["matplotlib"],
+        "test": [
+            "pytest",
+            "hypothesis",
+            "mpmath",
+            "matplotlib",
+            "pyyaml",
+            "ruff~=0.17.6",
+            "mypy~=2.4",
+            "types-PyYAML",
+            "colcon-common-extensions",
+            "colcon-ros",
+            "setuptools<80",  # colcon's bound
+        ],
+        "peers": ["pooltool-billiards"],
+    },
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "table = billiards_sim.__main__:table",
+            "shoot = billiards_sim.__main__:shoot",
+            "demo = billiards_sim.__main__:demo",
+        ],
+    },
+)

@@ -1,0 +1,69 @@
+"""Tests of the ROS side: on this machine only, in ROS domains of their own, with checked message fields."""
+
+import os
+from collections.abc import Iterator
+from itertools import count
+
+import pytest
+from process import Client, Process
+
+FIRST_DOMAIN = os.getpid()
+DOMAINS = 100  # 1 to 100
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+os.environ["ROS_DOMAIN_ID"] = str(1 + FIRST_DOMAIN % DOMAINS)
+for name in ("RMW_IMPLEMENTATION", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS"):
+    os.environ.pop(name, None)
+
+_domain_numbers = count(FIRST_DOMAIN + 1)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_log_directory(tmp_path_factory: pytest.TempPathFactory) -> None:
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+
+
+class Site:
+    """A ROS domain of its own and the processes and clients in it."""
+
+    def __init__(self) -> None:
+        self.domain = 1 + next(_domain_numbers) % DOMAINS
+        self._open: list[Process | Client] = []
+
+    def process(self, *arguments: str, **options: object) -> Process:
+        process = Process([*arguments], self.domain, **options)
+        self._open.append(process)
+        return process
+
+    def table(self, *parameters: str, remap: str | None = None) -> Process:
+        """A running table; parameters as NAME:=VALUE."""
+        given = [part for parameter in parameters for part in ("-p", parameter)]
+        table = self.process("table", "--ros-args", *given, *(("-r", remap) if remap else ()))
+        table.wait_for("ready: ")
+        return table
+
+    def client(self, namespace: str = "") -> Client:
+        """A node that hears everything that a running table publishes."""
+        client = Client(self.domain, namespace)
+        self._open.append(client)
+        client.connect()
+        return client
+
+    def close(self) -> None:
+        for one in reversed(self._open):
+            one.close()
+
+
+@pytest.fixture
+def site() -> Iterator[Site]:
+    site = Site()
+    yield site
+    site.close()
+
+
+@pytest.fixture(scope="module")
+def shared_site() -> Iterator[Site]:
+    site = Site()
+    yield site
+    site.close()

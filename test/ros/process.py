@@ -1,0 +1,190 @@
+"""Processes of the package and a client in the test's own process. Every wait is bounded and ends on an event."""
+
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseArray, VelocityStamped, WrenchStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+START_TIMEOUT = 120.0
+"""s. The first start compiles the engine, 10 s on an idle machine."""
+
+GRACE = 10.0
+"""s that a process has to end itself and its own children before it is killed."""
+
+TIMEOUT = 20.0
+"""s. Discovery takes up to 3 s."""
+
+DEPTH = 1000
+"""Messages that wait for a client that is not spinning."""
+
+LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Process:
+    """A command in its own process group, with its stderr at hand."""
+
+    def __init__(
+        self,
+        arguments: list[str],
+        domain: int,
+        *,
+        command: list[str] | None = None,
+        environment: Mapping[str, str] | None = None,
+        directory: Path | None = None,
+    ) -> None:
+        self._process = subprocess.Popen(
+            [*(command or [sys.executable, "-m", "billiards_sim"]), *arguments],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain), **(environment or {})},
+            cwd=directory,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self._streams = {"stdout": b"", "stderr": b""}
+        self._selector = selectors.DefaultSelector()
+        for name in self._streams:
+            self._selector.register(getattr(self._process, name), selectors.EVENT_READ, name)
+
+    @property
+    def stdout(self) -> str:
+        return self._streams["stdout"].decode()
+
+    @property
+    def stderr(self) -> str:
+        return self._streams["stderr"].decode()
+
+    def wait_for(self, text: str, timeout: float = START_TIMEOUT) -> None:
+        """Read until stdout or stderr contains the text."""
+        self._read(lambda: text in self.stdout or text in self.stderr, timeout)
+        assert text in self.stdout or text in self.stderr, f"no {text!r} in:\n{self.stdout}\n{self.stderr}"
+
+    def wait(self, timeout: float = START_TIMEOUT) -> int:
+        """Read until the process ends; returns its exit code."""
+        self._read(lambda: False, timeout)
+        return self._process.wait(timeout)
+
+    def signal(self, number: int) -> None:
+        self._process.send_signal(number)
+
+    def close(self) -> None:
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGINT)
+            try:
+                self._process.wait(GRACE)
+            except subprocess.TimeoutExpired:
+                os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._selector.close()
+        self._process.stdout.close()
+        self._process.stderr.close()
+
+    def _read(self, done: Callable[[], bool], timeout: float) -> None:
+        deadline = time.monotonic() + timeout
+        while not done() and self._selector.get_map():
+            ready = self._selector.select(max(deadline - time.monotonic(), 0.0))
+            assert ready, f"nothing more within {timeout} s after:\n{self.stdout}\n{self.stderr}"
+            for key, _ in ready:
+                block = os.read(key.fd, 65536)
+                self._streams[key.data] += block
+                if not block:
+                    self._selector.unregister(key.fileobj)
+
+
+class Client:
+    """Hears everything that a table publishes, shoots, resets."""
+
+    def __init__(self, domain: int, namespace: str = "") -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self.node = rclpy.create_node("client", namespace=namespace, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self.poses: list[PoseArray] = []
+        self.twists: list[VelocityStamped] = []
+        self.markers: list[MarkerArray] = []
+        self.table_markers: list[MarkerArray] = []
+        self.collisions: list[dict] = []
+        self.results: list[dict] = []
+        self.at_rest: list[bool] = []
+        # A table learns of these in this order, so whoever hears the last one is known to hear all.
+        self._subscribe(String, "shot_result", lambda message: self.results.append(json.loads(message.data)))
+        self._subscribe(String, "collisions", lambda message: self.collisions.append(json.loads(message.data)))
+        self._subscribe(VelocityStamped, "balls/twists", self.twists.append)
+        self._subscribe(MarkerArray, "markers", self.markers.append)
+        self._subscribe(MarkerArray, "table_markers", self.table_markers.append, LATCHED)
+        self._subscribe(Bool, "at_rest", lambda message: self.at_rest.append(message.data), LATCHED)
+        self._subscribe(PoseArray, "balls/poses", self.poses.append)
+        self.cue = self.node.create_publisher(WrenchStamped, "cue_shot", 10)
+        self._reset = self.node.create_client(Trigger, "table/reset")
+
+    def connect(self) -> None:
+        """Wait until the table hears this client and the client hears the table."""
+        self.spin_until(
+            lambda: (
+                self.poses
+                and self.at_rest
+                and self.table_markers
+                and self.cue.get_subscription_count() == 1
+                and self._reset.service_is_ready()
+            )
+        )
+
+    def spin_until(self, done: Callable[[], object], timeout: float = TIMEOUT) -> None:
+        deadline = time.monotonic() + timeout
+        while not done():
+            assert time.monotonic() < deadline, f"not within {timeout} s"
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def shoot(self, message: WrenchStamped) -> dict:
+        """Publish a shot; returns the verdict."""
+        before = len(self.results)
+        self.cue.publish(message)
+        self.spin_until(lambda: len(self.results) > before)
+        assert len(self.results) == before + 1
+        return self.results[-1]
+
+    def reset(self) -> Trigger.Response:
+        future = self._reset.call_async(Trigger.Request())
+        self.spin_until(future.done)
+        return future.result()
+
+    def next_poses(self, count: int = 1, after: int | None = None) -> list[PoseArray]:
+        """The first poses with a stamp after `after` ns, by default after now: at a real-time factor of 1 no stamp is
+        ahead of the clock."""
+        start = self.node.get_clock().now().nanoseconds if after is None else after
+
+        def found() -> list[PoseArray]:
+            return [message for message in self.poses if stamp_ns(message.header.stamp) > start]
+
+        self.spin_until(lambda: len(found()) >= count)
+        return found()[:count]
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def _subscribe(self, kind: type, topic: str, callback: Callable, qos: QoSProfile | int = DEPTH) -> None:
+        self.node.create_subscription(kind, topic, callback, qos)
+
+
+def stamp_ns(stamp: Time) -> int:
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def positions(message: PoseArray) -> list[tuple[float, float]]:
+    return [(pose.position.x, pose.position.y) for pose in message.poses]

@@ -1,0 +1,109 @@
+"""The executables as processes: arguments, exit codes, signals."""
+
+import signal
+from pathlib import Path
+
+import pytest
+from conftest import Site
+
+EXECUTABLES = ("table", "shoot", "demo")
+
+
+def assert_one_line(text: str, start: str) -> None:
+    assert text.startswith(start)
+    assert text.count("\n") == 1
+    assert text.endswith("\n")
+
+
+@pytest.mark.parametrize("arguments", [(), ("tabel",)])
+def test_without_a_known_name_the_names_are_listed(site: Site, arguments: tuple) -> None:
+    process = site.process(*arguments)
+    assert process.wait() == 2
+    assert_one_line(process.stderr, "billiards_sim: ")
+    assert all(name in process.stderr for name in EXECUTABLES)
+
+
+@pytest.mark.parametrize("arguments", [("--help",), *((name, "--help") for name in EXECUTABLES)])
+def test_help(site: Site, arguments: tuple) -> None:
+    process = site.process(*arguments)
+    assert process.wait() == 0
+    assert process.stdout.startswith("usage: ")
+    assert process.stderr == ""
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_without_rclpy_one_line_says_what_to_install(site: Site, tmp_path: Path, name: str) -> None:
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy" / "__init__.py").write_text("raise ModuleNotFoundError(\"No module named 'rclpy'\")")
+    process = site.process(name, environment={"PYTHONPATH": str(tmp_path)})
+    assert process.wait() == 2
+    assert_one_line(process.stderr, f"{name}: ")
+    assert "pip install 'billiards_sim[ros]'" in process.stderr
+    assert "source your ROS installation" in process.stderr
+
+
+BAD_STARTS = [
+    ("table", "--rate", "5"),
+    ("table", "--ros-args", "--no-such-flag"),
+    ("table", "--ros-args", "-p", "update_rate"),
+    ("table", "--ros-args", "--params-file", "/nowhere.yaml"),
+    ("table", "--ros-args", "-p", "update_rate:=fast"),
+    ("table", "--ros-args", "-p", "physics.mass:=-1"),
+    ("table", "--ros-args", "-p", "physics.rail_restitution:=1.5"),
+    ("table", "--ros-args", "-p", "scene:=nine_ball"),
+    ("table", "--ros-args", "-p", "scene:=/nowhere/scene.yaml"),
+    ("table", "--ros-args", "-p", "table.length:=1.0"),
+    ("shoot",),
+    ("shoot", "--force", "80"),
+    ("shoot", "--force", "hard", "0"),
+    ("shoot", "--force", "80", "0", "--timeout", "0"),
+    ("shoot", "--force", "80", "0", "--ros-args", "--no-such-flag"),
+    ("demo", "--timeout", "soon"),
+    ("demo", "now"),
+]
+
+
+@pytest.mark.parametrize("arguments", BAD_STARTS, ids=" ".join)
+def test_a_bad_start_is_one_line_and_code_2(site: Site, arguments: tuple) -> None:
+    process = site.process(*arguments)
+    assert process.wait() == 2
+    assert_one_line(process.stderr, f"{arguments[0]}: ")
+    assert process.stdout == ""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("when", ["preparing the engine", "ready: "])
+def test_signals_end_the_table_with_code_0(site: Site, number: int, when: str) -> None:
+    table = site.process("table")
+    table.wait_for(when)
+    table.signal(number)
+    table.signal(number)  # nor does an impatient second one disturb it
+    assert table.wait() == 0
+    assert "Traceback" not in table.stderr
+
+
+def test_shoot_without_a_table_gives_up(site: Site) -> None:
+    shoot = site.process("shoot", "--force", "80", "0", "--timeout", "0.5")
+    assert shoot.wait() == 1
+    assert_one_line(shoot.stderr, "shoot: no table listens on /cue_shot within 0.5 s")
+
+
+def test_demo_breaks_a_rack(site: Site) -> None:
+    demo = site.process("demo")
+    assert demo.wait() == 0, demo.stderr
+    assert "the cue hits ball cue with 1.28 N s" in demo.stdout
+    summary = demo.stdout.partition("demo: summary\n")[2]
+    lines = dict(line.strip().split("  ", 1) for line in summary.splitlines())
+    assert lines["balls"].split() == ["16"]
+    assert int(lines["collisions"].split()[0]) >= 15
+    assert 2.0 < float(lines["time to rest"].split()[0]) < 60.0
+    assert float(lines["largest overlap"].split()[0]) <= 1e-9
+
+
+def test_an_interrupted_demo_takes_its_children_along(site: Site) -> None:
+    demo = site.process("demo")
+    demo.wait_for("ready: ")
+    demo.signal(signal.SIGINT)
+    # The table holds the demo's stderr open: reading to its end waits for the table, too.
+    assert demo.wait() == 1
+    assert "demo: stopped" in demo.stderr

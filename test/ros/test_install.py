@@ -1,0 +1,77 @@
+"""colcon builds the package in a clean workspace, and the node starts from the installed prefix."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import Site
+
+REPOSITORY = Path(__file__).parents[2]
+SOURCES = ("package.xml", "setup.py", "setup.cfg", "pyproject.toml", "resource", "config", "billiards_sim", "LICENSE")
+BUILD_TIMEOUT = 120.0
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The installed prefix of the package."""
+    workspace = tmp_path_factory.mktemp("workspace")
+    package = workspace / "src" / "billiards_sim"
+    package.mkdir(parents=True)
+    for name in SOURCES:
+        source = REPOSITORY / name
+        if source.is_dir():
+            shutil.copytree(source, package / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, package / name)
+    environment = {**os.environ, "COLCON_LOG_PATH": str(workspace / "log"), "COLCON_DEFAULTS_FILE": os.devnull}
+    build = subprocess.run(
+        [str(Path(sys.executable).parent / "colcon"), "build", "--event-handlers", "console_direct+"],
+        cwd=workspace,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=BUILD_TIMEOUT,
+        check=False,
+    )
+    assert build.returncode == 0, build.stdout + build.stderr
+    return workspace / "install" / "billiards_sim"
+
+
+def test_share_holds_the_configuration_and_the_marker(prefix: Path) -> None:
+    share = prefix / "share"
+    assert (share / "ament_index/resource_index/packages/billiards_sim").is_file()
+    # colcon makes this one for ament packages only, not for what it takes for a plain Python package.
+    assert (share / "billiards_sim/hook/ament_prefix_path.sh").is_file()
+    for name in ("package.xml", "config/table.yaml", "config/table.rviz"):
+        installed = share / "billiards_sim" / name
+        assert installed.read_text() == (REPOSITORY / name).read_text()
+
+
+def test_every_executable_is_where_ros2_run_looks(prefix: Path) -> None:
+    for name in ("table", "shoot", "demo"):
+        assert os.access(prefix / "lib" / "billiards_sim" / name, os.X_OK)
+
+
+def test_the_table_starts_from_the_prefix_and_takes_a_shot(prefix: Path, site: Site, tmp_path: Path) -> None:
+    executables = prefix / "lib" / "billiards_sim"
+    sourced = ["bash", "-c", 'source "$0"/local_setup.bash && exec "$@"', str(prefix.parent)]
+    environment = {"PYTHONPATH": "", "PYTHONSAFEPATH": "1"}
+    options = {"environment": environment, "directory": tmp_path}
+    parameters = prefix / "share/billiards_sim/config/table.yaml"
+    table = site.process(
+        *(str(executables / "table"), "--ros-args", "--params-file", str(parameters)), command=sourced, **options
+    )
+    table.wait_for("ready: scene eight_ball, 16 balls, 100 Hz")
+    shoot = site.process(str(executables / "shoot"), "--force", "80", "0", command=sourced, **options)
+    assert shoot.wait() == 0, shoot.stderr
+    table.signal(signal.SIGINT)
+    assert table.wait() == 0
+
+    where = ["bash", "-c", 'source "$0"/local_setup.bash && exec "$@"', str(prefix.parent), sys.executable, "-c"]
+    found = site.process("import billiards_sim; print(billiards_sim.__file__)", command=where, **options)
+    assert found.wait() == 0
+    assert found.stdout.startswith(str(prefix))

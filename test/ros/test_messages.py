@@ -1,0 +1,81 @@
+import json
+
+import pytest
+from builtin_interfaces.msg import Time
+
+import billiards_sim as bs
+from billiards_sim.ros import messages
+
+EPOCH = 1_700_000_000_123_456_789
+
+
+def test_stamps_follow_simulated_time_to_the_nanosecond() -> None:
+    stamps = messages.Stamps(EPOCH)
+    assert stamps.at(0.0) == EPOCH
+    assert stamps.at(1.000000001) == EPOCH + 1_000_000_001
+
+
+def test_stamps_do_not_go_back_over_a_reset() -> None:
+    stamps = messages.Stamps(EPOCH)
+    before = stamps.at(5.25)
+    stamps.restart(5.25)
+    assert stamps.at(0.0) == before
+    assert stamps.at(0.01) == before + 10_000_000
+
+
+def test_a_stamp_is_split_into_seconds_and_nanoseconds() -> None:
+    message = Time()
+    messages.set_stamp(message, EPOCH)
+    assert (message.sec, message.nanosec) == (1_700_000_000, 123_456_789)
+
+
+def test_poses_are_updated_in_place() -> None:
+    message = messages.new_poses(2, 0.03)
+    poses = list(message.poses)
+    messages.update_poses(message, [[1.0, 2.0], [3.0, 4.0]], EPOCH)
+    assert all(one is other for one, other in zip(message.poses, poses))
+    assert message.header.frame_id == "table"
+    assert message.header.stamp.sec == 1_700_000_000
+    assert [(p.position.x, p.position.y, p.position.z) for p in poses] == [(1.0, 2.0, 0.03), (3.0, 4.0, 0.03)]
+    assert all(p.orientation.w == 1.0 for p in poses)
+
+
+def test_a_twist_names_its_ball_and_the_table() -> None:
+    message = messages.new_twist("7")
+    messages.update_twist(message, [1.0, -2.0], [3.0, 4.0, 5.0], EPOCH)
+    assert (message.body_frame_id, message.reference_frame_id, message.header.frame_id) == ("7", "table", "table")
+    linear, angular = message.velocity.linear, message.velocity.angular
+    assert (linear.x, linear.y, linear.z) == (1.0, -2.0, 0.0)
+    assert (angular.x, angular.y, angular.z) == (3.0, 4.0, 5.0)
+
+
+def test_collision_json_says_everything_and_keeps_every_digit() -> None:
+    event = bs.Event(
+        time=1 / 3,
+        kind="ball_rail",
+        balls=("cue",),
+        rail="x_max",
+        point=(2.39, 0.1 + 0.2),
+        normal=(-1.0, 0.0),
+        approach_speed=2 / 3,
+        impulse=1e-17,
+    )
+    read = json.loads(messages.collision_json(event, EPOCH, 0.03))
+    assert read == {
+        "version": 1,
+        "kind": "ball_rail",
+        "time": 1 / 3,
+        "stamp": {"sec": 1_700_000_000, "nanosec": 123_456_789},
+        "balls": ["cue"],
+        "rail": "x_max",
+        "point": [2.39, 0.1 + 0.2, 0.03],
+        "normal": [-1.0, 0.0, 0.0],
+        "approach_speed": 2 / 3,
+        "impulse": 1e-17,
+    }
+
+
+@pytest.mark.parametrize(("accepted", "reason"), [(True, ""), (False, 'ball "cue" moves')])
+def test_shot_result_json(accepted: bool, reason: str) -> None:
+    read = json.loads(messages.shot_result_json(accepted, reason, 0.1))
+    assert read == {"accepted": accepted, "reason": reason, "time": 0.1}

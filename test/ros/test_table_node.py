@@ -1,0 +1,166 @@
+"""The node over DDS: the table, and often `shoot`, in processes of their own."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from conftest import Site
+from geometry_msgs.msg import WrenchStamped
+from process import Client, positions, stamp_ns
+
+import billiards_sim as bs
+from billiards_sim.ros.wrench import wrench_from_shot
+
+BREAK = ("--force", "125", "6", "--offset", "0.004", "-0.002")
+
+
+def engine_break(start: float) -> tuple[bs.Simulation, list[bs.Event]]:
+    """The engine's own run of BREAK, struck at a time, to rest."""
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation.advance(start)
+    simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
+    return simulation, list(simulation.run())
+
+
+def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> None:
+    site.table("scene:=eight_ball", "real_time_factor:=5.0")
+    client = site.client()
+    shoot = site.process("shoot", *BREAK)
+    assert shoot.wait() == 0, shoot.stderr
+    assert "accepted" in shoot.stdout
+    client.spin_until(lambda: client.results)
+    assert client.results[0]["accepted"] is True
+    simulation, events = engine_break(client.results[0]["time"])
+
+    client.spin_until(lambda: client.at_rest[-1] and len(client.collisions) >= len(events))
+    stamps = [Time(**c["stamp"]) for c in client.collisions]
+    final = client.next_poses(10, after=stamp_ns(stamps[-1]))[-1]  # whatever might come twice had the time to
+    assert client.at_rest == [True, False, True]
+    assert len(client.results) == 1
+
+    assert [(c["kind"], c["balls"], c["rail"]) for c in client.collisions] == [
+        (e.kind, list(e.balls), e.rail) for e in events
+    ]
+    for key in ("time", "approach_speed", "impulse"):
+        assert [c[key] for c in client.collisions] == pytest.approx([getattr(e, key) for e in events], abs=1e-9)
+    radius = simulation.scene.physics.radius
+    assert np.allclose([c["point"] for c in client.collisions], [[*e.point, radius] for e in events], rtol=0, atol=1e-9)
+    assert np.allclose([c["normal"] for c in client.collisions], [[*e.normal, 0.0] for e in events], rtol=0, atol=1e-9)
+    assert np.abs(np.array(positions(final)) - simulation.positions).max() <= 1e-9
+    assert all(pose.position.z == radius for pose in final.poses)
+
+    # Stamps of collisions are those of their own exact times, on the scale of the poses.
+    epochs = {stamp_ns(stamp) - round(c["time"] * 1e9) for stamp, c in zip(stamps, client.collisions)}
+    assert len(epochs) == 1
+    ticks = (stamp_ns(final.header.stamp) - epochs.pop()) / (5e9 / 100)
+    assert ticks == pytest.approx(round(ticks), abs=1e-6)
+
+    def resting() -> set[str]:
+        last = {twist.body_frame_id: twist.velocity for twist in client.twists}
+        return {name for name, v in last.items() if (v.linear.x, v.linear.y, v.angular.x, v.angular.y) == (0, 0, 0, 0)}
+
+    client.spin_until(lambda: resting() == set(simulation.scene.names))
+    assert max(math.hypot(t.velocity.linear.x, t.velocity.linear.y) for t in client.twists) > 5.0
+
+    assert client.markers[-1].markers[3].ns == "balls"
+    assert client.markers[-1].markers[3].pose.position.x == pytest.approx(final.poses[3].position.x, abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def idle(shared_site: Site) -> Client:
+    """A client at a table where no shot has been accepted."""
+    shared_site.table("scene:=eight_ball")
+    return shared_site.client()
+
+
+def wrench(force: tuple = (80, 0, 0), torque: tuple = (0, 0, 0), frame: str = "table") -> WrenchStamped:
+    message = wrench_from_shot(force, (0.0, 0.0))
+    message.header.frame_id = frame
+    vector = message.wrench.torque
+    vector.x, vector.y, vector.z = (float(value) for value in torque)
+    return message
+
+
+BAD_SHOTS = {
+    "nan": (wrench(force=(math.nan, 0, 0)), "force must be finite"),
+    "infinite": (wrench(torque=(0, math.inf, 0)), "torque must be finite"),
+    "z": (wrench(force=(80, 0, 5)), "force z must be 0: the cue is level; got 5 N"),
+    "zero": (wrench(force=(0, 0, 0)), "zero"),
+    "off the ball": (wrench(torque=(0, 0, 80 * 0.0287)), "0.0287 m from its centre, the radius is 0.028575 m"),
+    "along": (wrench(torque=(0.5, 0, 0)), "torque along the force: it is 0.5 N m, allowed up to 0.0008 N m"),
+    "frame": (wrench(frame="base_link"), "frame_id must be 'table' or empty, got 'base_link'"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_SHOTS)
+def test_a_bad_shot_is_refused_and_leaves_the_table_untouched(idle: Client, case: str) -> None:
+    message, reason = BAD_SHOTS[case]
+    result = idle.shoot(message)
+    assert result["accepted"] is False
+    assert reason in result["reason"]
+    assert positions(idle.next_poses()[0]) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    assert idle.at_rest == [True]
+    assert idle.collisions == []
+
+
+def test_each_tick_advances_by_the_same_simulated_time(idle: Client) -> None:
+    stamps = [stamp_ns(message.header.stamp) for message in idle.next_poses(50)]
+    assert set(np.diff(stamps)) <= {9_999_999, 10_000_000, 10_000_001}
+
+
+def test_twists_of_resting_balls_come_once(idle: Client) -> None:
+    names = list(bs.scenes.eight_ball().names)
+    idle.next_poses(20)
+    assert [twist.body_frame_id for twist in idle.twists] == names
+
+
+def test_markers_of_the_table_come_once(idle: Client) -> None:
+    idle.next_poses(20)
+    assert [[marker.ns for marker in message.markers] for message in idle.table_markers] == [["cloth", *["rails"] * 4]]
+
+
+def test_a_late_client_gets_rest_twists_and_table_markers(idle: Client, shared_site: Site) -> None:
+    late = shared_site.client()
+    late.spin_until(lambda: len(late.twists) >= 16)
+    assert late.at_rest == [True]
+    assert len(late.table_markers) == 1
+    late.close()
+
+
+def test_reset_brings_the_scene_back_while_balls_move(site: Site) -> None:
+    start = [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    site.table("scene:=eight_ball")
+    client = site.client()
+    assert client.shoot(wrench())["accepted"]
+    client.spin_until(lambda: any(c["kind"] == "ball_ball" for c in client.collisions))
+
+    refused = client.shoot(wrench())
+    assert refused["accepted"] is False
+    assert re.search(r"every ball must rest before a shot: ball '\w+' moves at [\d.]+ m/s", refused["reason"])
+
+    response = client.reset()
+    assert response.success
+    client.spin_until(lambda: client.at_rest == [True, False, True])
+    assert positions(client.next_poses()[0]) == start
+    stamps = [stamp_ns(message.header.stamp) for message in client.poses]
+    assert all(np.diff(stamps) >= 0)
+    assert stamps[-1] > stamps[0]
+
+    assert client.shoot(wrench())["accepted"]
+    client.spin_until(lambda: [c["kind"] for c in client.collisions].count("shot") == 2)
+
+
+def test_a_table_without_a_cue_ball_in_a_namespace(site: Site, tmp_path: Path) -> None:
+    path = tmp_path / "no_cue.yaml"
+    bs.save_scene(bs.Scene([[0.5, 0.5], [1.0, 0.5]], names=("red", "blue")), path)  # type: ignore[arg-type]
+    site.table(f"scene:={path}", "update_rate:=50", remap="__ns:=/left")
+    client = site.client(namespace="left")
+    assert set(np.diff([stamp_ns(message.header.stamp) for message in client.next_poses(5)])) == {20_000_000}
+    topics = {name for name, _ in client.node.get_topic_names_and_types()}
+    assert not topics & {"/cue_shot", "/balls/poses", "/collisions", "/shot_result", "/at_rest", "/markers"}
+    shoot = site.process("shoot", "--force", "80", "0", "--ros-args", "-r", "__ns:=/left")
+    assert shoot.wait() == 1
+    assert "refused: no ball is named 'cue'" in shoot.stdout
