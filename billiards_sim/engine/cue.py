@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.quantity import numbers
 from billiards_sim.engine.state import SPEED_LIMIT
 
 
@@ -44,8 +45,11 @@ def strike(force: Sequence[float], offset: Sequence[float], physics: Physics) ->
         ValueError: wrong length, not finite, a force that is zero, not horizontal or huge, an offset further out than
             the radius.
     """
-    fx, fy, fz = _finite("force", force, 3, "N")
-    side, up = _finite("offset", offset, 2, "m")
+    fx, fy, fz = numbers("force", force, 3)
+    side, up = numbers("offset", offset, 2)
+    for name, values, unit in (("force", (fx, fy, fz), "N"), ("offset", (side, up), "m")):
+        if not all(map(math.isfinite, values)):
+            raise ValueError(f"{name} must be finite, got {values} {unit}")
     if fz != 0.0:
         raise ValueError(f"force z must be 0: the cue is level; got {fz:.9g} N")
     size = math.hypot(fx, fy)
@@ -71,15 +75,3 @@ def strike(force: Sequence[float], offset: Sequence[float], physics: Physics) ->
         tip=(-behind * dx - side * dy, -behind * dy + side * dx),
         impulse=size * time,
     )
-
-
-def _finite(name: str, given: Sequence[float], count: int, unit: str) -> tuple[float, ...]:
-    try:
-        values = tuple(float(value) for value in given)
-    except (TypeError, ValueError):
-        values = ()
-    if len(values) != count:
-        raise ValueError(f"{name} must be {count} numbers ({unit}), got {given!r}")
-    if not all(math.isfinite(value) for value in values):
-        raise ValueError(f"{name} must be finite, got {values}")
-    return values

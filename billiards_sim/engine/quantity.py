@@ -76,3 +76,18 @@ def from_mapping(owner: type, values: Any) -> Any:
         if key not in known:
             raise ValueError(f"{group} has no field {key!r}; known: {', '.join(known)}")
     return owner(**values)
+
+
+def numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
+    """`count` floats from any sequence of numbers.
+
+    Raises:
+        ValueError: another number of them, or not numbers.
+    """
+    try:
+        values = tuple(float(value) for value in given)
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) != count:
+        raise ValueError(f"{name} must be {count} numbers, got {given!r}")
+    return values

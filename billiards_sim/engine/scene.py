@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_sim.engine.physics import Physics
-from billiards_sim.engine.quantity import from_mapping
+from billiards_sim.engine.quantity import from_mapping, numbers
 from billiards_sim.engine.state import SPEED_LIMIT
 from billiards_sim.engine.table import Table
 
@@ -41,8 +41,8 @@ class Shot:
     ball: str = "cue"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", _numbers("shot.force", self.force, 3))
-        object.__setattr__(self, "offset", _numbers("shot.offset", self.offset, 2))
+        object.__setattr__(self, "force", numbers("shot.force", self.force, 3))
+        object.__setattr__(self, "offset", numbers("shot.offset", self.offset, 2))
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -207,16 +207,6 @@ def _check_keys(where: str, mapping: Any, required: set[str], optional: set[str]
 def _check_type(name: str, value: Any, expected: type) -> None:
     if not isinstance(value, expected):
         raise ValueError(f"{name} must be a {expected.__name__}, got {value!r}")
-
-
-def _numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
-    try:
-        values = tuple(float(value) for value in given)
-    except (TypeError, ValueError):
-        values = ()
-    if len(values) != count:
-        raise ValueError(f"{name} must be {count} numbers, got {given!r}")
-    return values
 
 
 def _names(given: Any, count: int) -> tuple[str, ...]:
