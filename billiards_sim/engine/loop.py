@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from billiards_sim.engine.cluster import gather, reflect, touches_more
 from billiards_sim.engine.contact import (
     hold,
     presses_ball,
@@ -33,6 +34,12 @@ from billiards_sim.engine.state import (
     HELD,
     HIT,
     HIT_TIME,
+    I_APPROACH,
+    I_FIRST,
+    I_IMPULSE,
+    I_NORMAL_X,
+    I_NORMAL_Y,
+    I_SECOND,
     INF,
     NOW,
     PHASE,
@@ -54,12 +61,15 @@ DONE = 0
 PAUSED = 1
 """The batch is full; there is more to do."""
 
+CONTACTS_PER_BALL = 5
+"""At most: equal discs have at most three contacts with others each, counted once, and two rails."""
+
 
 @entry
 def run_until(state: State, constants: Constants, until: float, batch: int) -> int:
     """Let every event up to and including a time happen, at most `batch` of them; returns DONE or PAUSED."""
     clock = state.clock[0]
-    room = len(state.log) - len(state.balls) - 1  # one event reports at most one change of each ball and itself
+    room = len(state.log) - (CONTACTS_PER_BALL + 1) * len(state.balls)  # the most that happens at one instant
     for _ in range(batch):
         now, i = next_event(state)
         if now > until or now == INF:
@@ -98,6 +108,9 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     if approach < SPEED_ROUNDING:
         approach = 0.0
     pressed = presses_ball(first, second, nx, ny, approach, constants)
+    if not pressed and approach > 0.0 and touches_more(state, constants, i, j, now):
+        _meet_all(state, constants, i, now)
+        return
     if not pressed:
         collide_balls(first, second, nx, ny, approach, constants)
     if approach > 0.0:
@@ -127,6 +140,33 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     predict_rail(second, NOBODY, constants)
     predict_pairs(state, constants, i, float(j), now)
     predict_pairs(state, constants, j, float(i), now)
+
+
+@kernel
+def _meet_all(state: State, constants: Constants, start: int, now: float) -> None:
+    # Everything that touches the ball `start`, and what touches that, at the same instant.
+    settle_contacts(state, constants, now)
+    count = gather(state, constants, start, now)
+    reflect(state, constants, count)
+    for c in range(count):
+        impact = state.impacts[c]
+        if impact[I_IMPULSE] == 0.0:
+            continue
+        i = int(impact[I_FIRST])
+        ball = state.balls[i]
+        with_ball = impact[I_SECOND] >= 0.0
+        other = impact[I_SECOND] if with_ball else -1.0 - impact[I_SECOND]
+        event = _log_event(state, now, BALL_BALL if with_ball else BALL_RAIL, i, other)
+        event[E_POINT_X] = ball[X] - constants.radius * impact[I_NORMAL_X]
+        event[E_POINT_Y] = ball[Y] - constants.radius * impact[I_NORMAL_Y]
+        event[E_NORMAL_X] = impact[I_NORMAL_X]
+        event[E_NORMAL_Y] = impact[I_NORMAL_Y]
+        event[E_APPROACH] = impact[I_APPROACH]
+        event[E_IMPULSE] = impact[I_IMPULSE]
+        release_ball(state, i)
+        if with_ball:
+            release_ball(state, int(other))
+    _resume(state, constants, now, NOBODY, NOBODY)
 
 
 @kernel

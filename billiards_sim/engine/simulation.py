@@ -14,7 +14,7 @@ from billiards_sim.engine.cue import Strike, strike
 from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
 from billiards_sim.engine.jit import as_array, rows
-from billiards_sim.engine.loop import PAUSED, run_until
+from billiards_sim.engine.loop import CONTACTS_PER_BALL, PAUSED, run_until
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.schedule import NOBODY
 from billiards_sim.engine.state import (
@@ -38,6 +38,7 @@ from billiards_sim.engine.state import (
     EVENTS,
     HELD,
     HIT_TIME,
+    IMPACT_COLUMNS,
     INF,
     NOW,
     PHASE,
@@ -144,9 +145,10 @@ class Simulation:
         self._state = State(
             balls=rows(balls),
             pairs=rows(np.full((count, count), INF)),
-            contacts=rows(np.zeros((5 * count + 1, CONTACT_COLUMNS))),
+            contacts=rows(np.zeros((CONTACTS_PER_BALL * count + 1, CONTACT_COLUMNS))),
+            impacts=rows(np.zeros((CONTACTS_PER_BALL * count, IMPACT_COLUMNS))),
             clock=rows(np.zeros((1, CLOCK_COLUMNS))),
-            log=rows(np.zeros((LOG_ROWS + count, EVENT_COLUMNS))),
+            log=rows(np.zeros((LOG_ROWS + (CONTACTS_PER_BALL + 1) * count, EVENT_COLUMNS))),
         )
         self._time = 0.0
         self._time_rest = 0.0  # what rounding keeps out of _time when it is a sum of steps

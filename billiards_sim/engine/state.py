@@ -36,7 +36,8 @@ PUSH_X, PUSH_Y = 21, 22  # m/s^2, push of its sustained contacts per mass
 DIR_X, DIR_Y = 23, 24  # unit direction that friction opposes while in sustained contact
 CHANGED = 25  # 1 while the motion has changed and the predictions have not
 REPORTED = 26  # the phase that the log knows of
-BALL_COLUMNS = 27
+MEMBER = 27  # in the cluster that is being gathered
+BALL_COLUMNS = 28
 
 AT_REST = 0.0
 SLIDING = 1.0
@@ -48,6 +49,14 @@ PUSH = 2  # m/s^2 per mass
 NORMAL_X, NORMAL_Y = 3, 4  # unit, from second to first
 FIRST_PUSH = 5  # m/s^2, the push at the start of a step
 CONTACT_COLUMNS = 6
+
+# Columns of an impact, one of those that happen at the same instant.
+I_FIRST, I_SECOND = 0, 1  # ball; ball or, for a rail, -1 - code
+I_NORMAL_X, I_NORMAL_Y = 2, 3  # unit, from second to first
+I_APPROACH = 4  # m/s, when it first closed
+I_SHARE = 5  # m/s, what stops it in one reflection
+I_IMPULSE = 6  # N s
+IMPACT_COLUMNS = 7
 
 # Columns of the clock, a table of one row.
 NOW = 0  # s, the last event
@@ -73,6 +82,7 @@ class State(NamedTuple):
     balls: Rows  # (N, BALL_COLUMNS)
     pairs: Rows  # (N, N) s, predicted contact of each pair, symmetric
     contacts: Rows  # (capacity, CONTACT_COLUMNS)
+    impacts: Rows  # (capacity, IMPACT_COLUMNS), scratch
     clock: Rows  # (1, CLOCK_COLUMNS)
     log: Rows  # (capacity, EVENT_COLUMNS)
 
