@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_sim.engine.detection import SPEED_ROUNDING, TOUCH
+from billiards_sim.engine.detection import TOUCH
 from billiards_sim.engine.jit import Rows, kernel
 from billiards_sim.engine.motion import anchor
 from billiards_sim.engine.state import (
@@ -155,7 +155,7 @@ def reflect(state: State, constants: Constants, count: int) -> None:
     fastest = 0.0
     for c in range(count):
         fastest = max(fastest, _closing(state, state.impacts[c]))
-    stopped = SPEED_ROUNDING + CLOSING_ROUNDING * fastest
+    stopped = constants.least_approach + CLOSING_ROUNDING * fastest
     enough = SHARE_ROUNDING * fastest
     for _ in range(MAX_SWEEPS):
         top = 0.0
@@ -185,7 +185,5 @@ def reflect(state: State, constants: Constants, count: int) -> None:
             row = state.impacts[c]
             if row[I_SHARE] > 0.0:
                 bounce = 1.0 if row[I_SECOND] >= 0.0 else constants.restitution
-                if top <= constants.rest_speed:
-                    bounce = 0.0
                 _kick(state, row, bounce * row[I_SHARE])
                 row[I_IMPULSE] += constants.mass * (1.0 + bounce) * row[I_SHARE]

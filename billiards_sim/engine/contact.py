@@ -241,10 +241,12 @@ def _end_micro_slip(ball: Rows, constants: Constants) -> None:
 
 @kernel
 def _end_micro_motion(ball: Rows, constants: Constants) -> None:
-    # A roll that is ending and would go no further than MIN_WAY. The acceleration stays: it tells what pushes the ball.
+    # A roll that has stopped, or is ending and would go no further than MIN_WAY. The acceleration stays: it tells what
+    # pushes the ball.
     square = ball[VX] * ball[VX] + ball[VY] * ball[VY]
     ending = ball[AX] * ball[VX] + ball[AY] * ball[VY] <= 0.0
-    if ball[PHASE] == ROLLING and ending and square <= 2.0 * constants.rolling * MIN_WAY:
+    stopped = square <= constants.rest_speed * constants.rest_speed
+    if ball[PHASE] == ROLLING and (stopped or (ending and square <= 2.0 * constants.rolling * MIN_WAY)):
         ball[PHASE] = AT_REST
         ball[VX] = 0.0
         ball[VY] = 0.0

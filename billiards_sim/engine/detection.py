@@ -1,9 +1,10 @@
 """When the next contact is: the earliest root of the distance between two balls, or of a ball and a rail.
 
 A contact is the earliest time at which the gap is closed and closing. Stated so, touching, overlapping and separating
-bodies need no special case (after Bannerman, Strobl, Formella and Poeschel, "Stable algorithm for event detection in
+bodies are defined (after Bannerman, Strobl, Formella and Poeschel, "Stable algorithm for event detection in
 event-driven particle dynamics", 2014): what touches and approaches is a contact now; what touches and separates is
-one when it comes back.
+one when it comes back; what touches and does neither is one when it has come closer by TOUCH, so that every contact has
+something to change and the clock goes on.
 
 With q(t) = p + v t + a t^2/2 the separation of two centres, the gap |q|^2 - D^2 is a quartic and half its
 derivative, q . q', a cubic. The extrema of the cubic split the time into at most three stretches on which it is
@@ -31,10 +32,7 @@ APPROACH_ROUNDING = 1e-14
 """Relative to the relative speed: an approach this slow at a touch is rounding of a tangential motion."""
 
 GAP_ROUNDING = 1e-15
-"""m. Two balls that have just collided and come apart by no more than this have not come apart."""
-
-SPEED_ROUNDING = 1e-15
-"""m/s. An approach this slow at a touch is rounding of velocities that were equal: it closes 1e-14 m in ten seconds."""
+"""m. Two touching balls that come apart by no more than this have not come apart."""
 
 MAX_ITERATIONS = 100
 """Bound on root polishing; bisection alone reaches adjacent floats in about 60."""
@@ -114,7 +112,15 @@ def _closing_time(
 
 @entry
 def contact_time(
-    px: float, py: float, vx: float, vy: float, ax: float, ay: float, horizon: float, diameter: float, parted: bool
+    px: float,
+    py: float,
+    vx: float,
+    vy: float,
+    ax: float,
+    ay: float,
+    horizon: float,
+    diameter: float,
+    least: float,
 ) -> float:
     """Earliest time in [0, horizon] at which two balls touch and approach, s; INF if there is none.
 
@@ -122,7 +128,7 @@ def contact_time(
         px, py, vx, vy, ax, ay: relative position m, velocity m/s and acceleration m/s^2, constant over the horizon.
         horizon: s, finite.
         diameter: m.
-        parted: the two have just collided: they touch, and do not approach whatever rounding says.
+        least: m/s; a touching pair that approaches no faster does not approach.
     """
     square = px * px + py * py
     along = px * vx + py * vy
@@ -150,8 +156,8 @@ def contact_time(
     approach = along
     first_gap = math.sqrt(square) - diameter
     if first_gap <= TOUCH:
-        if parted or along >= -diameter * (APPROACH_ROUNDING * math.sqrt(speed2) + SPEED_ROUNDING):
-            approach = along if along > diameter * SPEED_ROUNDING else 0.0
+        if along >= -diameter * (APPROACH_ROUNDING * math.sqrt(speed2) + least):
+            approach = along if along > diameter * least else 0.0
         elif first_gap <= 0.0:
             return 0.0
 
@@ -184,10 +190,7 @@ def contact_time(
             start = low if approach == 0.0 else _turning_time(px, py, vx, vy, ax, ay, low, high)
             furthest = gap(px, py, vx, vy, ax, ay, start, diameter)
             if furthest <= GAP_ROUNDING:
-                if not parted:
-                    return start
-                # They have not come apart: wait until they are closer for certain.
-                diameter += min(furthest, 0.0) - TOUCH
+                diameter += min(furthest, 0.0) - TOUCH  # they have not come apart: in contact when closer for certain
         if at_high < 0.0 and gap(px, py, vx, vy, ax, ay, high, diameter) <= 0.0:
             return _closing_time(px, py, vx, vy, ax, ay, start, high, diameter)
         low = high
@@ -196,25 +199,25 @@ def contact_time(
 
 
 @entry
-def rail_contact_time(distance: float, speed: float, acceleration: float, parted: bool) -> float:
+def rail_contact_time(distance: float, speed: float, acceleration: float, least: float) -> float:
     """Earliest time at which a ball reaches a rail and approaches it, s; INF if it never does.
 
     Args:
         distance: m to the rail; rounding below 0 counts as touching.
         speed: m/s towards the rail.
         acceleration: m/s^2 towards the rail.
-        parted: the ball has just bounced: it touches and does not approach whatever rounding says.
+        least: m/s; a touching ball that approaches no faster does not approach.
 
     Root of a t^2/2 + v t - d = 0, in the form that does not cancel.
     """
     room = max(distance, 0.0)
-    if room == 0.0 and abs(speed) <= SPEED_ROUNDING:
+    if room == 0.0 and abs(speed) <= least:
         speed = 0.0
     discriminant = speed * speed + 2.0 * acceleration * room
     if speed > 0.0:
         return 2.0 * room / (speed + math.sqrt(discriminant)) if discriminant >= 0.0 else INF
     if acceleration > 0.0:
-        if parted and speed == 0.0:  # it has not come off: wait until it is in touch for certain
+        if room == 0.0 and speed == 0.0:  # it has not come off: in contact when closer for certain
             discriminant += 2.0 * acceleration * TOUCH
         return (math.sqrt(discriminant) - speed) / acceleration
     return INF

@@ -28,20 +28,19 @@ def approach_speed(first: Rows, second: Rows, nx: float, ny: float) -> float:
 
 
 @kernel
-def collide_balls(first: Rows, second: Rows, nx: float, ny: float, approach: float, constants: Constants) -> None:
+def collide_balls(first: Rows, second: Rows, nx: float, ny: float, approach: float) -> None:
     """Exchange the normal velocities of two balls (equations 44 to 49); the impulse is mass times approach speed.
 
     With v1' = v1 + s n and v2' = v2 - s n, s the approach speed, the components along n are exchanged and momentum is
-    kept to the last bit of the sum. Below `rest_speed` nothing bounces: the two take on their mean.
+    kept to the last bit of the sum.
     """
-    exchange = approach if approach > constants.rest_speed else 0.5 * approach
-    first[VX] += exchange * nx
-    first[VY] += exchange * ny
-    second[VX] -= exchange * nx
-    second[VY] -= exchange * ny
+    first[VX] += approach * nx
+    first[VY] += approach * ny
+    second[VX] -= approach * nx
+    second[VY] -= approach * ny
 
 
 @kernel
 def collide_rail(ball: Rows, axis: int, constants: Constants) -> None:
-    """Turn back the velocity along an axis (0: x, 1: y), times the restitution; below `rest_speed` end it."""
-    ball[VX + axis] *= -constants.restitution if abs(ball[VX + axis]) > constants.rest_speed else 0.0
+    """Turn back the velocity along an axis (0: x, 1: y), times the restitution."""
+    ball[VX + axis] *= -constants.restitution

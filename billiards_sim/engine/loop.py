@@ -11,7 +11,6 @@ from billiards_sim.engine.contact import (
     settle_contacts,
     update_contacts,
 )
-from billiards_sim.engine.detection import SPEED_ROUNDING
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, RESTED, ROLLED
 from billiards_sim.engine.impact import approach_speed, collide_balls, collide_rail, normal_between
 from billiards_sim.engine.jit import Rows, entry, kernel
@@ -79,7 +78,7 @@ def run_until(state: State, constants: Constants, until: float, batch: int) -> i
         clock[NOW] = now
         if i < 0:
             settle_contacts(state, constants, now)
-            _resume(state, constants, now, NOBODY, NOBODY)
+            _resume(state, constants, now)
             continue
         ball = state.balls[i]
         if ball[HIT_TIME] == now:
@@ -90,8 +89,8 @@ def run_until(state: State, constants: Constants, until: float, batch: int) -> i
         else:
             end_phase(ball, constants)
             _report_phase(state, i, now)
-            predict_rail(ball, NOBODY, constants)
-            predict_pairs(state, constants, i, NOBODY, now)
+            predict_rail(ball, constants)
+            predict_pairs(state, constants, i, now)
     return PAUSED
 
 
@@ -105,14 +104,14 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     anchor(second, now)
     nx, ny = normal_between(first, second)
     approach = approach_speed(first, second, nx, ny)
-    if approach < SPEED_ROUNDING:
+    if approach <= constants.least_approach:
         approach = 0.0
     pressed = presses_ball(first, second, nx, ny, approach, constants)
     if not pressed and approach > 0.0 and touches_more(state, constants, i, j, now):
         _meet_all(state, constants, i, now)
         return
     if not pressed:
-        collide_balls(first, second, nx, ny, approach, constants)
+        collide_balls(first, second, nx, ny, approach)
     if approach > 0.0:
         event = _log_event(state, now, BALL_BALL, i, float(j))
         event[E_POINT_X] = 0.5 * (first[X] + second[X])
@@ -127,19 +126,19 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
         if pressed:
             hold(state, i, float(j))
             settle_contacts(state, constants, now)
-        elif approach > SPEED_ROUNDING:
+        elif approach > 0.0:
             release_ball(state, i)
             release_ball(state, j)
-        _resume(state, constants, now, float(i), float(j))
+        _resume(state, constants, now)
         return
     begin_motion(first, phase_of(first, constants), constants)
     begin_motion(second, phase_of(second, constants), constants)
     _report_phase(state, i, now)
     _report_phase(state, j, now)
-    predict_rail(first, NOBODY, constants)
-    predict_rail(second, NOBODY, constants)
-    predict_pairs(state, constants, i, float(j), now)
-    predict_pairs(state, constants, j, float(i), now)
+    predict_rail(first, constants)
+    predict_rail(second, constants)
+    predict_pairs(state, constants, i, now)
+    predict_pairs(state, constants, j, now)
 
 
 @kernel
@@ -166,7 +165,7 @@ def _meet_all(state: State, constants: Constants, start: int, now: float) -> Non
         release_ball(state, i)
         if with_ball:
             release_ball(state, int(other))
-    _resume(state, constants, now, NOBODY, NOBODY)
+    _resume(state, constants, now)
 
 
 @kernel
@@ -182,9 +181,11 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
     ny = inward if axis == 1 else 0.0
     limit = constants.limit_x if axis == 0 else constants.limit_y
     ball[X + axis] = -inward * limit  # where it is but for rounding
-    approach = max(-inward * ball[VX + axis], 0.0)
+    approach = -inward * ball[VX + axis]
+    if approach <= constants.least_approach:
+        approach = 0.0
     pressed = presses_rail(ball, nx, ny, approach, constants)
-    if not pressed:
+    if not pressed and approach > 0.0:
         collide_rail(ball, axis, constants)
     if approach > 0.0:
         event = _log_event(state, now, BALL_RAIL, i, rail)
@@ -199,20 +200,19 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
         if pressed:
             hold(state, i, -1.0 - rail)
             settle_contacts(state, constants, now)
-        elif approach > SPEED_ROUNDING:
+        elif approach > 0.0:
             release_ball(state, i)
-        _resume(state, constants, now, NOBODY, NOBODY)
+        _resume(state, constants, now)
         return
     begin_motion(ball, phase_of(ball, constants), constants)
     _report_phase(state, i, now)
-    predict_rail(ball, rail, constants)
-    predict_pairs(state, constants, i, NOBODY, now)
+    predict_rail(ball, constants)
+    predict_pairs(state, constants, i, now)
 
 
 @kernel
-def _resume(state: State, constants: Constants, now: float, first: float, second: float) -> None:
-    # Set going every ball that is marked as changed, in sustained contact or free, and predict it again. Two balls
-    # that have just met part from each other.
+def _resume(state: State, constants: Constants, now: float) -> None:
+    # Set going every ball that is marked as changed, in sustained contact or free, and predict it again.
     update_contacts(state, constants, now)
     for i in range(len(state.balls)):
         ball = state.balls[i]
@@ -220,12 +220,11 @@ def _resume(state: State, constants: Constants, now: float, first: float, second
             if ball[HELD] == 0.0:
                 begin_motion(ball, phase_of(ball, constants), constants)
             _report_phase(state, i, now)
-            predict_rail(ball, NOBODY, constants)
+            predict_rail(ball, constants)
     for i in range(len(state.balls)):
         if state.balls[i][CHANGED] > 0.0:
             state.balls[i][CHANGED] = 0.0
-            parted = second if i == first else (first if i == second else NOBODY)
-            predict_pairs(state, constants, i, parted, now)
+            predict_pairs(state, constants, i, now)
 
 
 @kernel

@@ -40,17 +40,18 @@ NOBODY = -1.0
 
 
 @kernel
-def predict_rail(ball: Rows, parted_rail: float, constants: Constants) -> None:
-    """Find the next rail contact of a ball, from its anchor on; `parted_rail` is the one that it has just left."""
+def predict_rail(ball: Rows, constants: Constants) -> None:
+    """Find the next rail contact of a ball, from its anchor on."""
     best = INF
     rail = NOBODY
+    least = constants.least_approach
     if ball[HELD_X] == 0.0 and (ball[VX] != 0.0 or ball[AX] != 0.0):
-        low = rail_contact_time(ball[X] + constants.limit_x, -ball[VX], -ball[AX], parted_rail == X_MIN)
-        high = rail_contact_time(constants.limit_x - ball[X], ball[VX], ball[AX], parted_rail == X_MAX)
+        low = rail_contact_time(ball[X] + constants.limit_x, -ball[VX], -ball[AX], least)
+        high = rail_contact_time(constants.limit_x - ball[X], ball[VX], ball[AX], least)
         best, rail = (low, X_MIN) if low < high else (high, X_MAX)
     if ball[HELD_Y] == 0.0 and (ball[VY] != 0.0 or ball[AY] != 0.0):
-        low = rail_contact_time(ball[Y] + constants.limit_y, -ball[VY], -ball[AY], parted_rail == Y_MIN)
-        high = rail_contact_time(constants.limit_y - ball[Y], ball[VY], ball[AY], parted_rail == Y_MAX)
+        low = rail_contact_time(ball[Y] + constants.limit_y, -ball[VY], -ball[AY], least)
+        high = rail_contact_time(constants.limit_y - ball[Y], ball[VY], ball[AY], least)
         if low < best:
             best, rail = low, Y_MIN
         if high < best:
@@ -76,11 +77,8 @@ def _hold_each_other(state: State, i: int, j: int) -> bool:
 
 
 @kernel
-def predict_pairs(state: State, constants: Constants, i: int, parted_ball: float, now: float) -> None:
-    """Predict the contacts of ball i, whose anchor is now, with every other ball.
-
-    `parted_ball` is the one that it has just collided with.
-    """
+def predict_pairs(state: State, constants: Constants, i: int, now: float) -> None:
+    """Predict the contacts of ball i, whose anchor is now, with every other ball."""
     balls = state.balls
     clock = state.clock[0]
     mine = balls[i]
@@ -109,7 +107,7 @@ def predict_pairs(state: State, constants: Constants, i: int, parted_ball: float
                 mine[AY] - other[AY],
                 horizon,
                 diameter,
-                j == parted_ball,
+                constants.least_approach,
             )
             if time < INF and mine[HELD] > 0.0 and other[HELD] > 0.0 and _hold_each_other(state, i, j):
                 time = INF

@@ -295,10 +295,10 @@ class Simulation:
         way = 1.0
         for axis, move in enumerate(struck.displacement):
             room = limits[axis] - math.copysign(1.0, move) * float(centres[index, axis])
-            way = min(way, rail_contact_time(room, abs(move), 0.0, False))
+            way = min(way, rail_contact_time(room, abs(move), 0.0, 0.0))
         for other, (px, py) in enumerate((centres[index] - centres).tolist()):
             if other != index:
-                way = min(way, contact_time(px, py, *struck.displacement, 0.0, 0.0, 1.0, diameter, False))
+                way = min(way, contact_time(px, py, *struck.displacement, 0.0, 0.0, 1.0, diameter, 0.0))
         return way
 
     def _run_until(self, until: float) -> EventLog:

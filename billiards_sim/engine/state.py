@@ -75,6 +75,9 @@ REST_WAY = 1e-20
 """m. A ball that would roll no further than this has stopped, 4e-11 m/s on the paper's cloth: otherwise balls in touch
 hand on the rounding of their velocities in ever smaller steps. Without friction nothing stops."""
 
+SPEED_ROUNDING = 1e-15
+"""m/s. An approach this slow at a touch is rounding of velocities that were equal, even without friction."""
+
 
 class State(NamedTuple):
     """Everything that changes."""
@@ -98,11 +101,13 @@ class Constants(NamedTuple):
     limit_x: float  # m, largest |x| of a ball's centre
     limit_y: float  # m
     rest_speed: float  # m/s, a ball or a slip this slow has stopped
+    least_approach: float  # m/s, bodies in touch that approach no faster do not
 
 
 def constants(physics: Physics, table: Table) -> Constants:
     sliding = physics.sliding_friction * physics.gravity
     rolling = physics.rolling_friction * physics.gravity
+    rest_speed = math.sqrt(2.0 * rolling * REST_WAY) if sliding > 0.0 else 0.0
     return Constants(
         mass=physics.mass,
         radius=physics.radius,
@@ -111,5 +116,6 @@ def constants(physics: Physics, table: Table) -> Constants:
         restitution=physics.rail_restitution,
         limit_x=0.5 * table.length - physics.radius,
         limit_y=0.5 * table.width - physics.radius,
-        rest_speed=math.sqrt(2.0 * rolling * REST_WAY) if sliding > 0.0 else 0.0,
+        rest_speed=rest_speed,
+        least_approach=max(rest_speed, SPEED_ROUNDING),
     )

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from billiards_sim.engine.detection import contact_time, rail_contact_time
 
 DIAMETER = 0.05715
+LEAST = 1e-15
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:
@@ -59,7 +60,7 @@ def miss_distance(px, py, vx, vy, ax, ay, horizon) -> float:
 def test_first_contact_is_the_first_root(px, py, vx, vy, ax, ay, horizon) -> None:
     if math.hypot(px, py) <= 1.001 * DIAMETER:
         return
-    found = contact_time(px, py, vx, vy, ax, ay, horizon, DIAMETER, False)
+    found = contact_time(px, py, vx, vy, ax, ay, horizon, DIAMETER, LEAST)
     expected = exact_contact_time(px, py, vx, vy, ax, ay, horizon)
     if math.isinf(found) != math.isinf(expected):
         # Only a graze that nobody can tell from a miss in double precision, or a root on the horizon itself.
@@ -82,44 +83,48 @@ def test_graze_and_near_miss_are_told_apart(share: float, angle: float) -> None:
     aside = DIAMETER * (1.0 + share)
     c, s = math.cos(angle), math.sin(angle)
     px, py = -0.5 * c - aside * s, -0.5 * s + aside * c
-    found = contact_time(px, py, 2.0 * c, 2.0 * s, 0.0, 0.0, 1.0, DIAMETER, False)
+    found = contact_time(px, py, 2.0 * c, 2.0 * s, 0.0, 0.0, 1.0, DIAMETER, LEAST)
     assert math.isfinite(found) == (share < 0.0)
 
 
 def test_what_touches_and_approaches_is_a_contact_now() -> None:
-    assert contact_time(DIAMETER, 0.0, -1e-6, 0.0, 0.0, 0.0, 1.0, DIAMETER, False) == 0.0
-    assert contact_time(DIAMETER - 1e-10, 0.0, -1e-6, 0.0, 0.0, 0.0, 1.0, DIAMETER, False) == 0.0
+    assert contact_time(DIAMETER, 0.0, -1e-6, 0.0, 0.0, 0.0, 1.0, DIAMETER, LEAST) == 0.0
+    assert contact_time(DIAMETER - 1e-10, 0.0, -1e-6, 0.0, 0.0, 0.0, 1.0, DIAMETER, LEAST) == 0.0
 
 
 def test_what_touches_and_separates_is_no_contact() -> None:
-    assert contact_time(DIAMETER, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, DIAMETER, False) == math.inf
-    assert contact_time(DIAMETER - 1e-10, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, DIAMETER, False) == math.inf
+    assert contact_time(DIAMETER, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, DIAMETER, LEAST) == math.inf
+    assert contact_time(DIAMETER - 1e-10, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, DIAMETER, LEAST) == math.inf
 
 
 def test_what_touches_and_passes_along_is_no_contact() -> None:
-    assert contact_time(DIAMETER, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, DIAMETER, False) == math.inf
+    assert contact_time(DIAMETER, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, DIAMETER, LEAST) == math.inf
 
 
 def test_what_separates_and_is_pulled_back_is_a_contact_when_it_returns() -> None:
-    found = contact_time(DIAMETER, 0.0, 0.5, 0.0, -2.0, 0.0, 1.0, DIAMETER, False)
-    assert found == pytest.approx(0.5, rel=1e-14)
-    found = contact_time(DIAMETER, 0.0, 0.5, 0.0, -2.0, 0.0, 1.0, DIAMETER, True)
+    found = contact_time(DIAMETER, 0.0, 0.5, 0.0, -2.0, 0.0, 1.0, DIAMETER, LEAST)
     assert found == pytest.approx(0.5, rel=1e-14)
 
 
-def test_overlapping_pair_that_cannot_separate_is_a_contact_when_it_turns_back() -> None:
-    # Overlap 1e-4 m, separating at 1e-3 m/s, pulled back at 1 m/s^2: turns after 1 ms, 5e-7 m further out.
-    found = contact_time(DIAMETER - 1e-4, 0.0, 1e-3, 0.0, -1.0, 0.0, 1.0, DIAMETER, False)
-    assert found == pytest.approx(1e-3, rel=1e-9)
+def test_overlapping_pair_that_cannot_separate_is_a_contact_when_it_has_turned_back() -> None:
+    # Overlap 1e-4 m, separating at 1e-3 m/s, pulled back at 1 m/s^2: turns after 1 ms and is 1e-13 m closer soon after.
+    found = contact_time(DIAMETER - 1e-4, 0.0, 1e-3, 0.0, -1.0, 0.0, 1.0, DIAMETER, LEAST)
+    assert found == pytest.approx(1e-3 + math.sqrt(2e-13), rel=1e-6)
+
+
+def test_touching_pair_pushed_together_is_a_contact_as_soon_as_it_is_closer_for_certain() -> None:
+    found = contact_time(DIAMETER, 0.0, 0.0, 0.0, -2.0, 0.0, 1.0, DIAMETER, LEAST)
+    assert found == pytest.approx(math.sqrt(1e-13), rel=1e-3)
+    assert rail_contact_time(0.0, 0.0, 2.0, LEAST) == pytest.approx(math.sqrt(1e-13), rel=1e-3)
 
 
 def test_just_collided_pair_is_not_collided_again_by_rounding() -> None:
-    assert contact_time(DIAMETER - 1e-17, 0.0, -1e-18, 1.0, 0.0, 0.0, 1.0, DIAMETER, True) == math.inf
+    assert contact_time(DIAMETER - 1e-17, 0.0, -1e-18, 1.0, 0.0, 0.0, 1.0, DIAMETER, LEAST) == math.inf
 
 
 @given(numbers(0.0, 2.0), velocity, acceleration)
 def test_rail_contact_is_where_the_parabola_meets_the_rail(distance, speed, pull) -> None:
-    found = rail_contact_time(distance, speed, pull, False)
+    found = rail_contact_time(distance, speed, pull, LEAST)
     with mpmath.workdps(40):
         d, v, a = mpmath.mpf(distance), mpmath.mpf(speed), mpmath.mpf(pull)
         entering = [
@@ -127,5 +132,5 @@ def test_rail_contact_is_where_the_parabola_meets_the_rail(distance, speed, pull
         ]
         first = float(min(entering)) if entering else math.inf
     grazing = speed * speed + 2.0 * pull * distance < 1e-12
-    if not grazing:
+    if not grazing and (distance, speed) != (0.0, 0.0):
         assert found == pytest.approx(first, rel=1e-9, abs=1e-12)
