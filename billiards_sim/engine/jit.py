@@ -49,6 +49,11 @@ def rows(values: ArrayLike) -> Rows:
     return table if COMPILED else table.tolist()
 
 
+def copy_rows(table: Rows) -> Rows:
+    """A table with the same values that shares nothing with it."""
+    return table.copy() if COMPILED else [row.copy() for row in table]
+
+
 def as_array(table: Rows) -> NDArray[np.float64]:
     """The values of a table as a new array."""
     return np.array(table, dtype=np.float64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import overload
 
 import numpy as np
@@ -13,7 +14,7 @@ from billiards_sim.engine.contact import release_ball
 from billiards_sim.engine.cue import Strike, strike
 from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
-from billiards_sim.engine.jit import as_array, rows
+from billiards_sim.engine.jit import Rows, as_array, copy_rows, rows
 from billiards_sim.engine.loop import CONTACTS_PER_BALL, PAUSED, run_until
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.schedule import NOBODY
@@ -120,6 +121,16 @@ class EventLog(Sequence[Event]):
         )
 
 
+@dataclass(frozen=True)
+class Snapshot:
+    """The state of a simulation at a time; made by `Simulation.snapshot`, for `Simulation.restore`."""
+
+    scene: Scene
+    state: State
+    time: float
+    time_rest: float
+
+
 class Simulation:
     """Balls in motion on a table. Between events motion is in closed form; events are exact roots.
 
@@ -148,7 +159,7 @@ class Simulation:
             contacts=rows(np.zeros((CONTACTS_PER_BALL * count + 1, CONTACT_COLUMNS))),
             impacts=rows(np.zeros((CONTACTS_PER_BALL * count, IMPACT_COLUMNS))),
             clock=rows(np.zeros((1, CLOCK_COLUMNS))),
-            log=rows(np.zeros((LOG_ROWS + (CONTACTS_PER_BALL + 1) * count, EVENT_COLUMNS))),
+            log=_new_log(count),
         )
         self._time = 0.0
         self._time_rest = 0.0  # what rounding keeps out of _time when it is a sum of steps
@@ -194,6 +205,28 @@ class Simulation:
         physics = self._scene.physics
         linear = 0.5 * physics.mass * float(np.sum(self.velocities**2))
         return linear + 0.5 * physics.moment_of_inertia * float(np.sum(self.angular_velocities**2))
+
+    def copy(self) -> Simulation:
+        """An independent simulation in the same state, to the bit: to try a shot and go back."""
+        twin = object.__new__(Simulation)
+        twin._scene, twin._constants = self._scene, self._constants
+        twin.restore(self.snapshot())
+        return twin
+
+    def snapshot(self) -> Snapshot:
+        """The present state, to `restore` later, as often as wanted."""
+        return Snapshot(self._scene, _copy(self._state), self._time, self._time_rest)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a state of this simulation or of a copy of it.
+
+        Raises:
+            ValueError: the snapshot is of another scene.
+        """
+        if snapshot.scene is not self._scene:
+            raise ValueError("the snapshot is of a simulation of another scene")
+        self._state = _copy(snapshot.state)
+        self._time, self._time_rest = snapshot.time, snapshot.time_rest
 
     def strike(self, force: Sequence[float], offset: Sequence[float] = (0.0, 0.0), ball: str = "cue") -> None:
         """Hit a resting ball with the cue (paper equations 1 to 12). The clock does not move.
@@ -318,3 +351,22 @@ class Simulation:
                 progress = clock[NOW]
             elif stalled > STALLED_BATCHES:
                 raise StallError(f"no progress at {clock[NOW]!r} s: events follow each other without end")
+
+
+def _new_log(count: int) -> Rows:
+    return rows(np.zeros((LOG_ROWS + (CONTACTS_PER_BALL + 1) * count, EVENT_COLUMNS)))
+
+
+def _copy(state: State) -> State:
+    # What is scratch is made anew, of the log only what no call has handed over yet is copied.
+    log = _new_log(len(state.balls))
+    for index in range(int(state.clock[0][EVENTS])):
+        log[index][:] = state.log[index]
+    return State(
+        balls=copy_rows(state.balls),
+        pairs=copy_rows(state.pairs),
+        contacts=copy_rows(state.contacts),
+        impacts=copy_rows(state.impacts),
+        clock=copy_rows(state.clock),
+        log=log,
+    )

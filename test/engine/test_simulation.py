@@ -268,3 +268,41 @@ def test_head_on_break_is_the_same_on_every_run() -> None:
         break_shot(simulation)
         runs.append((list(simulation.run()), simulation.positions.tobytes()))
     assert runs[0] == runs[1]
+
+
+def test_copy_goes_its_own_way_and_leaves_the_original() -> None:
+    original = bs.Simulation(bs.scenes.eight_ball())
+    break_shot(original)
+    original.advance(0.3)
+    twin = original.copy()
+    before = original.positions
+    twin_events = twin.run()
+    assert np.array_equal(original.positions, before)
+    assert original.time == 0.3
+    assert list(original.run()) == list(twin_events)
+    assert np.array_equal(original.positions, twin.positions)
+
+
+def test_snapshot_is_restored_to_the_bit_as_often_as_wanted() -> None:
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    start = simulation.snapshot()
+    outcomes = []
+    for force in (80.0, 128.0, 80.0):
+        simulation.restore(start)
+        assert simulation.time == 0.0
+        assert simulation.at_rest
+        simulation.strike((force, 1.0, 0.0))
+        outcomes.append((list(simulation.run()), simulation.positions.tobytes()))
+    assert outcomes[0] == outcomes[2] != outcomes[1]
+
+
+def test_snapshot_keeps_a_shot_that_no_call_has_reported_yet() -> None:
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    break_shot(simulation)
+    assert simulation.copy().advance(0.01)[0].kind == "shot"
+    assert simulation.advance(0.01)[0].kind == "shot"
+
+
+def test_snapshot_of_another_scene_is_refused() -> None:
+    with pytest.raises(ValueError, match="another scene"):
+        bs.Simulation(bs.scenes.head_on()).restore(bs.Simulation(bs.scenes.glancing()).snapshot())
