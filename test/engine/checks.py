@@ -15,8 +15,12 @@ import billiards_sim as bs
 
 DATA = Path(__file__).parent.parent / "data"
 EXACT_SCENES: dict[str, Any] = {
-    scene["name"]: scene for scene in json.loads((DATA / "exact_scenes.json").read_text(encoding="utf-8"))["scenes"]
+    scene["name"]: scene
+    for file in ("exact_scenes.json", "more_exact_scenes.json")
+    for scene in json.loads((DATA / file).read_text(encoding="utf-8"))["scenes"]
 }
+"""Solutions to 20 digits; the second file is what test/data/make_exact_scenes.py writes."""
+
 EXACT_KINDS = {"ball-ball": "ball_ball", "rail": "ball_rail", "slide->roll": "rolling", "roll->rest": "rest"}
 EXACT_RAILS = {"x-low": "x_min", "x-high": "x_max", "y-low": "y_min", "y-high": "y_max"}
 
@@ -28,9 +32,31 @@ def exact_array(balls: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
 
 def exact_scene(name: str) -> bs.Scene:
     initial = EXACT_SCENES[name]["initial"]
+    table, physics = bs.Table(), bs.Physics()
+    if "constants" in EXACT_SCENES[name]:
+        given = EXACT_SCENES[name]["constants"]
+        (x_min, x_max), (y_min, y_max) = (map(float, given["inner_bounds"][axis]) for axis in "xy")
+        table = bs.Table(length=x_max - x_min, width=y_max - y_min, rail_thickness=x_min)
+        physics = bs.Physics(
+            mass=float(given["m"]),
+            radius=float(given["R"]),
+            gravity=float(given["g"]),
+            sliding_friction=float(given["mu_slide"]),
+            rolling_friction=float(given["mu_roll"]),
+            rail_restitution=float(given["rail_restitution"]),
+        )
     return bs.Scene(
-        exact_array(initial, "position"), exact_array(initial, "velocity"), exact_array(initial, "angular_velocity")
+        exact_array(initial, "position"),
+        exact_array(initial, "velocity"),
+        exact_array(initial, "angular_velocity"),
+        table=table,
+        physics=physics,
     )
+
+
+def tolerance(name: str) -> float:
+    """1e-12 (m, s, m/s), or ten times what rounding the initial values to doubles does to the exact solution."""
+    return max(1e-12, 10.0 * float(EXACT_SCENES[name]["conditioning"]["at_rest"]))
 
 
 def random_scene(seed: int) -> bs.Scene:
