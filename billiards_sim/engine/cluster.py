@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from billiards_sim.engine.detection import TOUCH
+from billiards_sim.engine.impact import normal_between
 from billiards_sim.engine.jit import Rows, kernel
 from billiards_sim.engine.motion import anchor
 from billiards_sim.engine.state import (
@@ -79,11 +80,11 @@ def _at_rail(ball: Rows, constants: Constants) -> bool:
 
 @kernel
 def gather(state: State, constants: Constants, start: int, now: float) -> int:
-    """List the contacts of the cluster that a ball belongs to; its balls are anchored and marked as changed."""
+    """List the contacts of the cluster of a ball that is anchored now; its balls are anchored and marked as changed."""
     balls = state.balls
     diameter = 2.0 * constants.radius
     count = 0
-    balls[start][MEMBER] = 1.0  # 1: found, 2: its contacts are listed
+    balls[start][MEMBER] = 1.0  # 1: found and anchored, 2: its contacts are listed
     found = True
     while found:
         found = False
@@ -94,16 +95,14 @@ def gather(state: State, constants: Constants, start: int, now: float) -> int:
             found = True
             ball[MEMBER] = 2.0
             ball[CHANGED] = 1.0
-            anchor(ball, now)
             for j in range(len(balls)):
                 other = balls[j]
                 if j != i and other[MEMBER] < 2.0 and in_touch(ball, other, now, diameter):
                     other[MEMBER] = 1.0
-                    nx = ball[X] - other[X] - (other[VX] + 0.5 * other[AX] * (now - other[TIME])) * (now - other[TIME])
-                    ny = ball[Y] - other[Y] - (other[VY] + 0.5 * other[AY] * (now - other[TIME])) * (now - other[TIME])
-                    distance = math.sqrt(nx * nx + ny * ny)
-                    sign = 1.0 if i < j else -1.0
-                    _list(state, count, min(i, j), float(max(i, j)), sign * nx / distance, sign * ny / distance)
+                    anchor(other, now)
+                    first, second = min(i, j), max(i, j)
+                    nx, ny = normal_between(balls[first], balls[second])
+                    _list(state, count, first, float(second), nx, ny)
                     count += 1
             for rail in range(4):
                 inward = 1.0 - 2.0 * (rail % 2)

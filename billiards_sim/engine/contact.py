@@ -196,7 +196,11 @@ def _stays(closing: float, speed: float) -> bool:
 
 @kernel
 def settle_contacts(state: State, constants: Constants, now: float) -> None:
-    """Bring every ball in sustained contact to `now`, with no motion along the normals, and mark it as changed."""
+    """Bring every ball in sustained contact to `now`, with no motion along the normals, and mark it as changed.
+
+    The pushes are due for `update_contacts` then.
+    """
+    state.clock[0][UPDATE_TIME] = now
     count = int(state.clock[0][CONTACTS])
     for i in range(len(state.balls)):
         ball = state.balls[i]

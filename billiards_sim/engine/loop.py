@@ -47,6 +47,7 @@ from billiards_sim.engine.state import (
     REPORTED,
     ROLLING,
     SLIDING,
+    UPDATE_TIME,
     VX,
     Constants,
     State,
@@ -78,19 +79,16 @@ def run_until(state: State, constants: Constants, until: float, batch: int) -> i
         clock[NOW] = now
         if i < 0:
             settle_contacts(state, constants, now)
-            _resume(state, constants, now)
-            continue
-        ball = state.balls[i]
-        if ball[HIT_TIME] == now:
-            j = int(ball[HIT])
-            _meet_ball(state, constants, min(i, j), max(i, j), now)
-        elif ball[RAIL_TIME] == now:
-            _meet_rail(state, constants, i, ball[RAIL], now)
         else:
-            end_phase(ball, constants)
-            _report_phase(state, i, now)
-            predict_rail(ball, constants)
-            predict_pairs(state, constants, i, now)
+            ball = state.balls[i]
+            if ball[HIT_TIME] == now:
+                j = int(ball[HIT])
+                _meet_ball(state, constants, min(i, j), max(i, j), now)
+            elif ball[RAIL_TIME] == now:
+                _meet_rail(state, constants, i, ball[RAIL], now)
+            else:
+                end_phase(ball, constants)
+        _resume(state, constants, now)
     return PAUSED
 
 
@@ -102,6 +100,8 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
         settle_contacts(state, constants, now)
     anchor(first, now)
     anchor(second, now)
+    first[CHANGED] = 1.0
+    second[CHANGED] = 1.0
     nx, ny = normal_between(first, second)
     approach = approach_speed(first, second, nx, ny)
     if approach <= constants.least_approach:
@@ -113,32 +113,13 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     if not pressed:
         collide_balls(first, second, nx, ny, approach)
     if approach > 0.0:
-        event = _log_event(state, now, BALL_BALL, i, float(j))
-        event[E_POINT_X] = 0.5 * (first[X] + second[X])
-        event[E_POINT_Y] = 0.5 * (first[Y] + second[Y])
-        event[E_NORMAL_X] = nx
-        event[E_NORMAL_Y] = ny
-        event[E_APPROACH] = approach
-        event[E_IMPULSE] = constants.mass * approach
-    if held or pressed:
-        first[CHANGED] = 1.0
-        second[CHANGED] = 1.0
-        if pressed:
-            hold(state, i, float(j))
-            settle_contacts(state, constants, now)
-        elif approach > 0.0:
-            release_ball(state, i)
-            release_ball(state, j)
-        _resume(state, constants, now)
-        return
-    begin_motion(first, phase_of(first, constants), constants)
-    begin_motion(second, phase_of(second, constants), constants)
-    _report_phase(state, i, now)
-    _report_phase(state, j, now)
-    predict_rail(first, constants)
-    predict_rail(second, constants)
-    predict_pairs(state, constants, i, now)
-    predict_pairs(state, constants, j, now)
+        _log_impact(state, constants, now, i, float(j), nx, ny, approach, constants.mass * approach)
+    if pressed:
+        hold(state, i, float(j))
+        settle_contacts(state, constants, now)
+    elif held and approach > 0.0:
+        release_ball(state, i)
+        release_ball(state, j)
 
 
 @kernel
@@ -151,21 +132,12 @@ def _meet_all(state: State, constants: Constants, start: int, now: float) -> Non
         impact = state.impacts[c]
         if impact[I_IMPULSE] == 0.0:
             continue
-        i = int(impact[I_FIRST])
-        ball = state.balls[i]
-        with_ball = impact[I_SECOND] >= 0.0
-        other = impact[I_SECOND] if with_ball else -1.0 - impact[I_SECOND]
-        event = _log_event(state, now, BALL_BALL if with_ball else BALL_RAIL, i, other)
-        event[E_POINT_X] = ball[X] - constants.radius * impact[I_NORMAL_X]
-        event[E_POINT_Y] = ball[Y] - constants.radius * impact[I_NORMAL_Y]
-        event[E_NORMAL_X] = impact[I_NORMAL_X]
-        event[E_NORMAL_Y] = impact[I_NORMAL_Y]
-        event[E_APPROACH] = impact[I_APPROACH]
-        event[E_IMPULSE] = impact[I_IMPULSE]
+        i, j = int(impact[I_FIRST]), impact[I_SECOND]
+        nx, ny = impact[I_NORMAL_X], impact[I_NORMAL_Y]
+        _log_impact(state, constants, now, i, j, nx, ny, impact[I_APPROACH], impact[I_IMPULSE])
         release_ball(state, i)
-        if with_ball:
-            release_ball(state, int(other))
-    _resume(state, constants, now)
+        if j >= 0.0:
+            release_ball(state, int(j))
 
 
 @kernel
@@ -175,6 +147,7 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
     if held:
         settle_contacts(state, constants, now)
     anchor(ball, now)
+    ball[CHANGED] = 1.0
     axis = int(rail) // 2
     inward = 1.0 - 2.0 * (rail % 2.0)
     nx = inward if axis == 0 else 0.0
@@ -188,32 +161,20 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
     if not pressed and approach > 0.0:
         collide_rail(ball, axis, constants)
     if approach > 0.0:
-        event = _log_event(state, now, BALL_RAIL, i, rail)
-        event[E_POINT_X] = ball[X] - constants.radius * nx
-        event[E_POINT_Y] = ball[Y] - constants.radius * ny
-        event[E_NORMAL_X] = nx
-        event[E_NORMAL_Y] = ny
-        event[E_APPROACH] = approach
-        event[E_IMPULSE] = constants.mass * (1.0 + constants.restitution) * approach
-    if held or pressed:
-        ball[CHANGED] = 1.0
-        if pressed:
-            hold(state, i, -1.0 - rail)
-            settle_contacts(state, constants, now)
-        elif approach > 0.0:
-            release_ball(state, i)
-        _resume(state, constants, now)
-        return
-    begin_motion(ball, phase_of(ball, constants), constants)
-    _report_phase(state, i, now)
-    predict_rail(ball, constants)
-    predict_pairs(state, constants, i, now)
+        impulse = constants.mass * (1.0 + constants.restitution) * approach
+        _log_impact(state, constants, now, i, -1.0 - rail, nx, ny, approach, impulse)
+    if pressed:
+        hold(state, i, -1.0 - rail)
+        settle_contacts(state, constants, now)
+    elif held and approach > 0.0:
+        release_ball(state, i)
 
 
 @kernel
 def _resume(state: State, constants: Constants, now: float) -> None:
     # Set going every ball that is marked as changed, in sustained contact or free, and predict it again.
-    update_contacts(state, constants, now)
+    if state.clock[0][UPDATE_TIME] <= now:
+        update_contacts(state, constants, now)
     for i in range(len(state.balls)):
         ball = state.balls[i]
         if ball[CHANGED] > 0.0:
@@ -225,6 +186,29 @@ def _resume(state: State, constants: Constants, now: float) -> None:
         if state.balls[i][CHANGED] > 0.0:
             state.balls[i][CHANGED] = 0.0
             predict_pairs(state, constants, i, now)
+
+
+@kernel
+def _log_impact(
+    state: State,
+    constants: Constants,
+    now: float,
+    i: int,
+    j: float,
+    nx: float,
+    ny: float,
+    approach: float,
+    impulse: float,
+) -> None:
+    # Of ball i with ball j, or with rail -1 - j; the normal points to ball i.
+    ball = state.balls[i]
+    event = _log_event(state, now, BALL_BALL if j >= 0.0 else BALL_RAIL, i, j if j >= 0.0 else -1.0 - j)
+    event[E_POINT_X] = ball[X] - constants.radius * nx
+    event[E_POINT_Y] = ball[Y] - constants.radius * ny
+    event[E_NORMAL_X] = nx
+    event[E_NORMAL_Y] = ny
+    event[E_APPROACH] = approach
+    event[E_IMPULSE] = impulse
 
 
 @kernel

@@ -20,6 +20,7 @@ from billiards_sim.engine.state import (
     AT_REST,
     AX,
     AY,
+    CHANGED,
     INF,
     PHASE,
     PHASE_END,
@@ -112,15 +113,14 @@ def begin_motion(ball: Rows, phase: float, constants: Constants) -> None:
 
 @kernel
 def end_phase(ball: Rows, constants: Constants) -> None:
-    """Move a ball to the end of its phase and begin the next: sliding to rolling, rolling to rest."""
-    end = ball[PHASE_END]
+    """Move a ball to the end of its phase, mark it as changed: from sliding it rolls, from rolling it rests."""
+    ball[CHANGED] = 1.0
     if ball[PHASE] == SLIDING:
         vx, vy, wx, wy = ball[VX], ball[VY], ball[WX], ball[WY]
-        anchor(ball, end)
+        anchor(ball, ball[PHASE_END])
         # From the state before the slide rather than at its end: exact, where the end of the slide is rounded.
         ball[VX], ball[VY], ball[WX], ball[WY] = vx, vy, wx, wy
         roll_off(ball, constants.radius)
-        begin_motion(ball, phase_of(ball, constants), constants)
     else:
-        anchor(ball, end)
-        begin_motion(ball, AT_REST, constants)
+        anchor(ball, ball[PHASE_END])
+        ball[VX], ball[VY], ball[WX], ball[WY] = 0.0, 0.0, 0.0, 0.0
