@@ -87,9 +87,9 @@ def describe(event: dict[str, Any]) -> str:
     if event["kind"] == "shot":
         return f"the cue hits ball {balls[0]} with {event['impulse']:.3g} N s"
     if event["kind"] == "ball_ball":
-        return f"ball {balls[0]} and ball {balls[1]} at {event['approach_speed']:.3f} m/s"
+        return f"ball {balls[0]} and ball {balls[1]} at {event['approach_speed']:.3g} m/s"
     if event["kind"] == "ball_rail":
-        return f"ball {balls[0]} and rail {event['rail']} at {event['approach_speed']:.3f} m/s"
+        return f"ball {balls[0]} and rail {event['rail']} at {event['approach_speed']:.3g} m/s"
     return ""
 
 
