@@ -49,5 +49,5 @@ $(VENV)/.installed: $(VENV)/.made setup.py
 
 $(VENV)/.installed-test: $(VENV)/.installed
 	@echo "== installing the test tools (about half a minute)"
-	@$(RUN) -m pip install -qq --disable-pip-version-check -e '.[ros,fast,test]'
+	@$(RUN) -m pip install -qq --disable-pip-version-check -e '.[test]'
 	@touch $@

@@ -2,6 +2,19 @@ from setuptools import find_packages, setup
 
 NAME = "billiards_sim"
 
+# rclpy and messages for machines without a ROS installation
+ROS = [
+    "ros-jazzy-rclpy[fastrtps]",
+    "ros-jazzy-std-msgs",
+    "ros-jazzy-geometry-msgs",
+    "ros-jazzy-visualization-msgs",
+    "ros-jazzy-std-srvs",
+    "ros-jazzy-rosgraph-msgs",
+    "pyyaml",
+]
+FAST = ["numba"]
+PLOT = ["matplotlib"]
+
 setup(
     name=NAME,
     version="0.1.0",
@@ -19,24 +32,16 @@ setup(
     ],
     install_requires=["numpy"],
     extras_require={
-        # rclpy and messages for machines without a ROS installation
-        "ros": [
-            "ros-jazzy-rclpy[fastrtps]",
-            "ros-jazzy-std-msgs",
-            "ros-jazzy-geometry-msgs",
-            "ros-jazzy-visualization-msgs",
-            "ros-jazzy-std-srvs",
-            "ros-jazzy-rosgraph-msgs",
-            "pyyaml",
-        ],
-        "fast": ["numba"],
-        "plot": ["matplotlib"],
+        "ros": ROS,
+        "fast": FAST,
+        "plot": PLOT,
         "test": [
+            *ROS,
+            *FAST,
+            *PLOT,
             "pytest",
             "hypothesis",
-            "mpmath",
-            "matplotlib",
-            "pyyaml",
+            "mpmath>=1.4",
             "ruff~=0.17.6",
             "mypy~=2.4",
             "types-PyYAML",
