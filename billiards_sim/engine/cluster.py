@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from billiards_sim.engine.detection import TOUCH
-from billiards_sim.engine.impact import normal_between
+from billiards_sim.engine.impact import normal_between, normal_of_rail
 from billiards_sim.engine.jit import Rows, kernel
 from billiards_sim.engine.motion import anchor
 from billiards_sim.engine.state import (
@@ -105,10 +105,10 @@ def gather(state: State, constants: Constants, start: int, now: float) -> int:
                     _list(state, count, first, float(second), nx, ny)
                     count += 1
             for rail in range(4):
-                inward = 1.0 - 2.0 * (rail % 2)
+                nx, ny = normal_of_rail(float(rail))
                 limit = constants.limit_x if rail < 2 else constants.limit_y
-                if -inward * ball[X + rail // 2] >= limit - TOUCH:
-                    _list(state, count, i, -1.0 - rail, inward if rail < 2 else 0.0, 0.0 if rail < 2 else inward)
+                if -nx * ball[X] - ny * ball[Y] >= limit - TOUCH:
+                    _list(state, count, i, -1.0 - rail, nx, ny)
                     count += 1
     for i in range(len(balls)):
         balls[i][MEMBER] = 0.0

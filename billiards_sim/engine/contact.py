@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 
+from billiards_sim.engine.impact import normal_of_rail
 from billiards_sim.engine.jit import Rows, entry, kernel
 from billiards_sim.engine.motion import anchor, phase_of, roll_off, slip
 from billiards_sim.engine.state import (
@@ -287,10 +288,7 @@ def _set_normals(state: State, ahead: float) -> None:
             contact[NORMAL_X] = qx / distance
             contact[NORMAL_Y] = qy / distance
         else:
-            rail = -1 - int(contact[SECOND])
-            inward = 1.0 - 2.0 * (rail % 2)
-            contact[NORMAL_X] = inward if rail < 2 else 0.0
-            contact[NORMAL_Y] = 0.0 if rail < 2 else inward
+            contact[NORMAL_X], contact[NORMAL_Y] = normal_of_rail(-1.0 - contact[SECOND])
 
 
 @kernel

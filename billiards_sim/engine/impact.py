@@ -22,6 +22,13 @@ def normal_between(first: Rows, second: Rows) -> tuple[float, float]:
 
 
 @kernel
+def normal_of_rail(rail: float) -> tuple[float, float]:
+    """Unit normal from a rail, by its code, into the table."""
+    inward = 1.0 - 2.0 * (rail % 2.0)
+    return (inward, 0.0) if rail < 2.0 else (0.0, inward)
+
+
+@kernel
 def approach_speed(first: Rows, second: Rows, nx: float, ny: float) -> float:
     """Speed at which two balls approach along the normal, m/s; negative where they part."""
     return (second[VX] - first[VX]) * nx + (second[VY] - first[VY]) * ny

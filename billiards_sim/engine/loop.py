@@ -12,7 +12,7 @@ from billiards_sim.engine.contact import (
     update_contacts,
 )
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, RESTED, ROLLED
-from billiards_sim.engine.impact import approach_speed, collide_balls, collide_rail, normal_between
+from billiards_sim.engine.impact import approach_speed, collide_balls, collide_rail, normal_between, normal_of_rail
 from billiards_sim.engine.jit import Rows, entry, kernel
 from billiards_sim.engine.motion import anchor, begin_motion, end_phase, phase_of
 from billiards_sim.engine.schedule import NOBODY, next_event, predict_pairs, predict_rail
@@ -149,12 +149,10 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: float, now: flo
     anchor(ball, now)
     ball[CHANGED] = 1.0
     axis = int(rail) // 2
-    inward = 1.0 - 2.0 * (rail % 2.0)
-    nx = inward if axis == 0 else 0.0
-    ny = inward if axis == 1 else 0.0
+    nx, ny = normal_of_rail(rail)
     limit = constants.limit_x if axis == 0 else constants.limit_y
-    ball[X + axis] = -inward * limit  # where it is but for rounding
-    approach = -inward * ball[VX + axis]
+    ball[X + axis] = -(nx + ny) * limit  # where it is but for rounding
+    approach = -(nx + ny) * ball[VX + axis]
     if approach <= constants.least_approach:
         approach = 0.0
     pressed = presses_rail(ball, nx, ny, approach, constants)
