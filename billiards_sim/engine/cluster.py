@@ -11,30 +11,13 @@ from __future__ import annotations
 
 import math
 
+from billiards_sim.engine.contact import bring
 from billiards_sim.engine.detection import TOUCH
 from billiards_sim.engine.impact import normal_between, normal_of_rail
-from billiards_sim.engine.jit import Rows, kernel
-from billiards_sim.engine.motion import anchor
-from billiards_sim.engine.state import (
-    AX,
-    AY,
-    CHANGED,
-    I_APPROACH,
-    I_FIRST,
-    I_IMPULSE,
-    I_NORMAL_X,
-    I_NORMAL_Y,
-    I_SECOND,
-    I_SHARE,
-    MEMBER,
-    TIME,
-    VX,
-    VY,
-    Constants,
-    State,
-    X,
-    Y,
-)
+from billiards_sim.engine.jit import kernel
+from billiards_sim.engine.motion import place_at
+from billiards_sim.engine.schedule import first_neighbour, hold_each_other, next_neighbour
+from billiards_sim.engine.state import LISTED, NOBODY, QUEUED, Constants, Impact, State
 
 CLOSING_ROUNDING = 1e-14
 """Relative to the fastest approach in the cluster: contacts that close more slowly have been stopped."""
@@ -47,105 +30,101 @@ MAX_SWEEPS = 1000
 
 
 @kernel
-def in_touch(ball: Rows, other: Rows, now: float, diameter: float) -> bool:
-    """Whether a ball, whose anchor is now, touches another."""
-    reach = diameter + TOUCH
-    dt = now - other[TIME]
-    dx = ball[X] - (other[X] + (other[VX] + 0.5 * other[AX] * dt) * dt)
-    if abs(dx) > reach:
-        return False
-    dy = ball[Y] - (other[Y] + (other[VY] + 0.5 * other[AY] * dt) * dt)
-    return abs(dy) <= reach and math.sqrt(dx * dx + dy * dy) <= reach
-
-
-@kernel
-def touches_more(state: State, constants: Constants, i: int, j: int, now: float) -> bool:
-    """Whether anything else touches ball i or ball j, which are in contact and anchored now."""
-    first, second = state.balls[i], state.balls[j]
-    if _at_rail(first, constants) or _at_rail(second, constants):
-        return True
-    diameter = 2.0 * constants.radius
-    for k in range(len(state.balls)):
-        if k not in (i, j):
-            other = state.balls[k]
-            if in_touch(first, other, now, diameter) or in_touch(second, other, now, diameter):
-                return True
-    return False
-
-
-@kernel
-def _at_rail(ball: Rows, constants: Constants) -> bool:
-    return abs(ball[X]) >= constants.limit_x - TOUCH or abs(ball[Y]) >= constants.limit_y - TOUCH
-
-
-@kernel
 def gather(state: State, constants: Constants, start: int, now: float) -> int:
-    """List the contacts of the cluster of a ball that is anchored now; its balls are anchored and marked as changed."""
+    """List the contacts of everything that touches the ball `start`, and of what touches that; returns their number."""
     balls = state.balls
-    diameter = 2.0 * constants.radius
-    count = 0
-    balls[start][MEMBER] = 1.0  # 1: found and anchored, 2: its contacts are listed
-    found = True
-    while found:
-        found = False
-        for i in range(len(balls)):
-            ball = balls[i]
-            if ball[MEMBER] != 1.0:
-                continue
-            found = True
-            ball[MEMBER] = 2.0
-            ball[CHANGED] = 1.0
-            for j in range(len(balls)):
-                other = balls[j]
-                if j != i and other[MEMBER] < 2.0 and in_touch(ball, other, now, diameter):
-                    other[MEMBER] = 1.0
-                    anchor(other, now)
-                    first, second = min(i, j), max(i, j)
-                    nx, ny = normal_between(balls[first], balls[second])
-                    _list(state, count, first, float(second), nx, ny)
+    members = state.members
+    members[0].ball = start
+    balls[start].member = QUEUED
+    impacts = 0
+    count = 1
+    done = 0
+    while done < count:
+        i = members[done].ball
+        done += 1
+        balls[i].member = LISTED
+        x, y = place_at(balls[i], now)
+        for rail in range(4):
+            nx, ny = normal_of_rail(rail)
+            limit = constants.limit_x if nx != 0.0 else constants.limit_y
+            if -nx * x - ny * y >= limit - TOUCH:
+                _list(state, impacts, i, -1 - rail)
+                impacts += 1
+        j = first_neighbour(state, constants, i)
+        while j != NOBODY:
+            other = balls[j]
+            if other.member != LISTED and _in_touch(state, constants, i, j, x, y, now):
+                if other.member != QUEUED:
+                    other.member = QUEUED
+                    members[count].ball = j
                     count += 1
-            for rail in range(4):
-                nx, ny = normal_of_rail(float(rail))
-                limit = constants.limit_x if rail < 2 else constants.limit_y
-                if -nx * ball[X] - ny * ball[Y] >= limit - TOUCH:
-                    _list(state, count, i, -1.0 - rail, nx, ny)
-                    count += 1
-    for i in range(len(balls)):
-        balls[i][MEMBER] = 0.0
-    return count
+                _list(state, impacts, min(i, j), max(i, j))
+                impacts += 1
+            j = next_neighbour(state, constants, i, j)
+    for k in range(count):
+        balls[members[k].ball].member = 0
+    return impacts
 
 
 @kernel
-def _list(state: State, index: int, first: int, second: float, nx: float, ny: float) -> None:
+def _in_touch(state: State, constants: Constants, i: int, j: int, x: float, y: float, now: float) -> bool:
+    # Whether ball i, at (x, y), touches ball j.
+    reach = 2.0 * constants.radius + TOUCH
+    other_x, other_y = place_at(state.balls[j], now)
+    dx = x - other_x
+    dy = y - other_y
+    if abs(dx) > reach or abs(dy) > reach:
+        return False
+    if math.sqrt(dx * dx + dy * dy) <= reach:
+        return True
+    return state.balls[i].held > 0 and state.balls[j].held > 0 and hold_each_other(state, i, j)
+
+
+@kernel
+def _list(state: State, index: int, first: int, second: int) -> None:
     row = state.impacts[index]
-    row[I_FIRST] = first
-    row[I_SECOND] = second
-    row[I_NORMAL_X] = nx
-    row[I_NORMAL_Y] = ny
-    row[I_APPROACH] = 0.0
-    row[I_IMPULSE] = 0.0
+    row.first = first
+    row.second = second
+    row.approach = 0.0
+    row.impulse = 0.0
 
 
 @kernel
-def _closing(state: State, row: Rows) -> float:
+def bring_all(state: State, constants: Constants, count: int, now: float) -> None:
+    """Bring the balls of a cluster to its instant and set the normals of its contacts."""
+    for c in range(count):
+        row = state.impacts[c]
+        bring(state, constants, row.first, now)
+        if row.second >= 0:
+            bring(state, constants, row.second, now)
+    for c in range(count):
+        row = state.impacts[c]
+        if row.second >= 0:
+            row.normal_x, row.normal_y = normal_between(state.balls[row.first], state.balls[row.second])
+        else:
+            row.normal_x, row.normal_y = normal_of_rail(-1 - row.second)
+
+
+@kernel
+def _closing(state: State, row: Impact) -> float:
     # Speed at which a contact closes, m/s.
-    first = state.balls[int(row[I_FIRST])]
-    closing = -first[VX] * row[I_NORMAL_X] - first[VY] * row[I_NORMAL_Y]
-    if row[I_SECOND] >= 0.0:
-        second = state.balls[int(row[I_SECOND])]
-        closing += second[VX] * row[I_NORMAL_X] + second[VY] * row[I_NORMAL_Y]
+    first = state.balls[row.first]
+    closing = -first.vx * row.normal_x - first.vy * row.normal_y
+    if row.second >= 0:
+        second = state.balls[row.second]
+        closing += second.vx * row.normal_x + second.vy * row.normal_y
     return closing
 
 
 @kernel
-def _kick(state: State, row: Rows, kick: float) -> None:
-    first = state.balls[int(row[I_FIRST])]
-    first[VX] += kick * row[I_NORMAL_X]
-    first[VY] += kick * row[I_NORMAL_Y]
-    if row[I_SECOND] >= 0.0:
-        second = state.balls[int(row[I_SECOND])]
-        second[VX] -= kick * row[I_NORMAL_X]
-        second[VY] -= kick * row[I_NORMAL_Y]
+def _kick(state: State, row: Impact, kick: float) -> None:
+    first = state.balls[row.first]
+    first.vx += kick * row.normal_x
+    first.vy += kick * row.normal_y
+    if row.second >= 0:
+        second = state.balls[row.second]
+        second.vx -= kick * row.normal_x
+        second.vy -= kick * row.normal_y
 
 
 @kernel
@@ -161,28 +140,28 @@ def reflect(state: State, constants: Constants, count: int) -> None:
         for c in range(count):
             row = state.impacts[c]
             closing = _closing(state, row)
-            row[I_SHARE] = 0.0 if closing > stopped else -1.0  # -1: not in this reflection
+            row.share = 0.0 if closing > stopped else -1.0  # -1: not in this reflection
             top = max(top, closing)
-            if closing > stopped and row[I_APPROACH] == 0.0:
-                row[I_APPROACH] = closing
+            if closing > stopped and row.approach == 0.0:
+                row.approach = closing
         if top <= stopped:
             return
         for _ in range(MAX_SWEEPS):
             worst = 0.0
             for c in range(count):
                 row = state.impacts[c]
-                if row[I_SHARE] >= 0.0:
-                    give = 2.0 if row[I_SECOND] >= 0.0 else 1.0
-                    share = max(row[I_SHARE] + _closing(state, row) / give, 0.0)
-                    change = share - row[I_SHARE]
-                    row[I_SHARE] = share
+                if row.share >= 0.0:
+                    give = 2.0 if row.second >= 0 else 1.0
+                    share = max(row.share + _closing(state, row) / give, 0.0)
+                    change = share - row.share
+                    row.share = share
                     _kick(state, row, change)
                     worst = max(worst, abs(change))
             if worst <= enough:
                 break
         for c in range(count):
             row = state.impacts[c]
-            if row[I_SHARE] > 0.0:
-                bounce = 1.0 if row[I_SECOND] >= 0.0 else constants.restitution
-                _kick(state, row, bounce * row[I_SHARE])
-                row[I_IMPULSE] += constants.mass * (1.0 + bounce) * row[I_SHARE]
+            if row.share > 0.0:
+                bounce = 1.0 if row.second >= 0 else constants.restitution
+                _kick(state, row, bounce * row.share)
+                row.impulse += constants.mass * (1.0 + bounce) * row.share

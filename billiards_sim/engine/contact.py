@@ -18,45 +18,12 @@ from __future__ import annotations
 
 import math
 
+from billiards_sim.engine.events import X_MAX, X_MIN
 from billiards_sim.engine.impact import normal_of_rail
-from billiards_sim.engine.jit import Rows, entry, kernel
+from billiards_sim.engine.jit import entry, kernel
 from billiards_sim.engine.motion import anchor, phase_of, roll_off, slip
-from billiards_sim.engine.state import (
-    ALPHA_X,
-    ALPHA_Y,
-    AT_REST,
-    AX,
-    AY,
-    CHANGED,
-    CONTACT_COLUMNS,
-    CONTACTS,
-    DIR_X,
-    DIR_Y,
-    FIRST,
-    FIRST_PUSH,
-    HELD,
-    HELD_X,
-    INF,
-    NORMAL_X,
-    NORMAL_Y,
-    PHASE,
-    PHASE_END,
-    PUSH,
-    PUSH_X,
-    PUSH_Y,
-    ROLLING,
-    SECOND,
-    SLIDING,
-    UPDATE_TIME,
-    VX,
-    VY,
-    WX,
-    WY,
-    Constants,
-    State,
-    X,
-    Y,
-)
+from billiards_sim.engine.schedule import mark
+from billiards_sim.engine.state import AT_REST, INF, QUEUED, ROLLING, SLIDING, Ball, Constants, Contact, State
 
 PRESS_HEIGHT = 1e-12
 """m. A bounce that would rise less than this is sustained contact; far below any position error that matters, far above
@@ -108,64 +75,102 @@ MAX_ITERATIONS = 1000
 
 
 @kernel
-def hold(state: State, first: int, second: float) -> None:
+def hold(state: State, first: int, second: int) -> None:
     """Add a sustained contact between ball `first` and ball `second`, or rail -1 - `second`."""
     clock = state.clock[0]
-    contact = state.contacts[int(clock[CONTACTS])]
-    clock[CONTACTS] += 1.0
-    contact[FIRST] = first
-    contact[SECOND] = second
-    contact[PUSH] = 0.0
-    state.balls[first][HELD] += 1.0
-    if second >= 0.0:
-        state.balls[int(second)][HELD] += 1.0
+    contact = state.contacts[clock.contacts]
+    clock.contacts += 1
+    contact.first = first
+    contact.second = second
+    contact.push = 0.0
+    state.balls[first].held += 1
+    if second >= 0:
+        state.balls[second].held += 1
     else:
-        rail = -1 - int(second)
-        state.balls[first][HELD_X + rail // 2] = 2.0 * (rail % 2) - 1.0
+        _hold_at_rail(state.balls[first], second, True)
+
+
+@kernel
+def _hold_at_rail(ball: Ball, second: int, holds: bool) -> None:
+    if -1 - second in (X_MIN, X_MAX):
+        ball.held_x = holds
+    else:
+        ball.held_y = holds
 
 
 @kernel
 def _release(state: State, index: int) -> None:
     clock = state.clock[0]
     contact = state.contacts[index]
-    first = state.balls[int(contact[FIRST])]
-    first[HELD] -= 1.0
-    if contact[SECOND] >= 0.0:
-        state.balls[int(contact[SECOND])][HELD] -= 1.0
+    first = state.balls[contact.first]
+    first.held -= 1
+    if contact.second >= 0:
+        state.balls[contact.second].held -= 1
     else:
-        first[HELD_X + (-1 - int(contact[SECOND])) // 2] = 0.0
-    clock[CONTACTS] -= 1.0
-    for c in range(index, int(clock[CONTACTS])):
-        for column in range(CONTACT_COLUMNS):
-            state.contacts[c][column] = state.contacts[c + 1][column]
+        _hold_at_rail(first, contact.second, False)
+    clock.contacts -= 1
+    for c in range(index, clock.contacts):
+        following = state.contacts[c + 1]
+        state.contacts[c].first = following.first
+        state.contacts[c].second = following.second
 
 
-@entry
+@kernel
+def _gather(state: State, i: int) -> tuple[int, int]:
+    # Bring the contacts of the island of ball i, all that is in sustained contact with it directly or through others,
+    # to the front of the list. Returns the number of its contacts and of its balls, which are listed as members.
+    balls, contacts, members = state.balls, state.contacts, state.members
+    members[0].ball = i
+    balls[i].member = QUEUED
+    found = 0
+    count = 1
+    done = 0
+    while done < count:
+        ball = members[done].ball
+        done += 1
+        for c in range(found, state.clock[0].contacts):
+            first, second = contacts[c].first, contacts[c].second
+            if ball not in (first, second):
+                continue
+            contacts[c].first, contacts[c].second = contacts[found].first, contacts[found].second
+            contacts[found].first, contacts[found].second = first, second
+            found += 1
+            other = second if first == ball else first
+            if other >= 0 and balls[other].member != QUEUED:
+                balls[other].member = QUEUED
+                members[count].ball = other
+                count += 1
+    for k in range(count):
+        balls[members[k].ball].member = 0
+    return found, count
+
+
+@kernel
 def release_ball(state: State, i: int) -> None:
     """End every sustained contact of a ball: what pushed it is no longer what decides."""
-    for c in range(int(state.clock[0][CONTACTS]) - 1, -1, -1):
+    for c in range(state.clock[0].contacts - 1, -1, -1):
         contact = state.contacts[c]
-        if contact[FIRST] == i or contact[SECOND] == i:
+        if contact.first == i or contact.second == i:
             _release(state, c)
 
 
 @kernel
-def _mean_acceleration(ball: Rows, approach: float, constants: Constants) -> tuple[float, float]:
+def _mean_acceleration(ball: Ball, approach: float, constants: Constants) -> tuple[float, float]:
     # Of a ball about to bounce, on the average over fine bounces; with what already pushes it.
-    if ball[HELD] > 0.0:
-        return ball[AX], ball[AY]
+    if ball.held > 0:
+        return ball.ax, ball.ay
     ux, uy = slip(ball, constants.radius)
     slipping = math.sqrt(ux * ux + uy * uy)
     if slipping > MICRO_SLIP * approach and phase_of(ball, constants) == SLIDING:
         return -constants.sliding * ux / slipping, -constants.sliding * uy / slipping
-    speed = math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY])
+    speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
     if speed > MICRO_SLIP * approach:
-        return -constants.rolling * ball[VX] / speed, -constants.rolling * ball[VY] / speed
+        return -constants.rolling * ball.vx / speed, -constants.rolling * ball.vy / speed
     return 0.0, 0.0
 
 
 @kernel
-def presses_rail(ball: Rows, nx: float, ny: float, approach: float, constants: Constants) -> bool:
+def presses_rail(ball: Ball, nx: float, ny: float, approach: float, constants: Constants) -> bool:
     """Whether a ball that arrives at a rail (normal into the table) has bounced low enough to stay on it."""
     if _too_fast(constants.restitution * approach, constants):
         return False
@@ -174,13 +179,13 @@ def presses_rail(ball: Rows, nx: float, ny: float, approach: float, constants: C
 
 
 @kernel
-def presses_ball(first: Rows, second: Rows, nx: float, ny: float, approach: float, constants: Constants) -> bool:
+def presses_ball(first: Ball, second: Ball, nx: float, ny: float, approach: float, constants: Constants) -> bool:
     """Whether two balls that meet (normal from the second to the first) bounce low enough to stay together."""
     if _too_fast(approach, constants):
         return False
     ax, ay = _mean_acceleration(first, approach, constants)
     bx, by = _mean_acceleration(second, approach, constants)
-    across = (first[VY] - second[VY]) * nx - (first[VX] - second[VX]) * ny
+    across = (first.vy - second.vy) * nx - (first.vx - second.vx) * ny
     return _stays((bx - ax) * nx + (by - ay) * ny - 0.5 * across * across / constants.radius, approach)
 
 
@@ -196,201 +201,214 @@ def _stays(closing: float, speed: float) -> bool:
 
 
 @kernel
-def settle_contacts(state: State, constants: Constants, now: float) -> None:
-    """Bring every ball in sustained contact to `now`, with no motion along the normals, and mark it as changed.
+def bring(state: State, constants: Constants, i: int, now: float) -> None:
+    """Bring ball i, and what is in sustained contact with it, to `now` and mark it as changed.
 
-    The pushes are due for `update_contacts` then.
+    Balls in contact keep no motion along the normals; `update_contacts` is due for them.
     """
-    state.clock[0][UPDATE_TIME] = now
-    count = int(state.clock[0][CONTACTS])
-    for i in range(len(state.balls)):
-        ball = state.balls[i]
-        if ball[HELD] > 0.0:
-            ball[CHANGED] = 1.0
-            anchor(ball, now)
-            _end_micro_slip(ball, constants)
-    _set_normals(state, 0.0)
+    mark(state, i)
+    if state.balls[i].held > 0:
+        _settle(state, constants, i, now)
+    else:
+        anchor(state.balls[i], now)
+
+
+@entry
+def free_ball(state: State, constants: Constants, i: int, now: float) -> None:
+    """Bring ball i to `now`, out of every sustained contact and marked as changed."""
+    bring(state, constants, i, now)
+    release_ball(state, i)
+
+
+@kernel
+def _settle(state: State, constants: Constants, i: int, now: float) -> None:
+    balls = state.balls
+    contacts, count = _gather(state, i)
+    for k in range(count):
+        member = state.members[k].ball
+        mark(state, member)
+        anchor(balls[member], now)
+        balls[member].phase_end = now
+        _end_micro_slip(balls[member], constants)
+    _set_normals(state, contacts, 0.0)
     for _ in range(MAX_ITERATIONS):
         worst = 0.0
-        for c in range(count):
+        for c in range(contacts):
             contact = state.contacts[c]
-            first = state.balls[int(contact[FIRST])]
-            nx, ny = contact[NORMAL_X], contact[NORMAL_Y]
-            speed = first[VX] * nx + first[VY] * ny
+            first = balls[contact.first]
+            nx, ny = contact.normal_x, contact.normal_y
+            speed = first.vx * nx + first.vy * ny
             give = _yield_to_kick(first)
-            if contact[SECOND] >= 0.0:
-                second = state.balls[int(contact[SECOND])]
-                speed -= second[VX] * nx + second[VY] * ny
+            if contact.second >= 0:
+                second = balls[contact.second]
+                speed -= second.vx * nx + second.vy * ny
                 give += _yield_to_kick(second)
             if give > 0.0:
                 kick = -speed / give
                 _kick(first, kick * nx, kick * ny, constants.radius)
-                if contact[SECOND] >= 0.0:
-                    _kick(second, -kick * nx, -kick * ny, constants.radius)
+                if contact.second >= 0:
+                    _kick(balls[contact.second], -kick * nx, -kick * ny, constants.radius)
                 worst = max(worst, abs(speed))
         if worst <= SPEED_TOLERANCE:
             break
-    for i in range(len(state.balls)):
-        if state.balls[i][HELD] > 0.0:
-            _end_micro_motion(state.balls[i], constants)
+    for k in range(count):
+        _end_micro_motion(balls[state.members[k].ball], constants)
 
 
 @kernel
-def _end_micro_slip(ball: Rows, constants: Constants) -> None:
+def _end_micro_slip(ball: Ball, constants: Constants) -> None:
     # A slip that friction ends within MIN_STEP.
     ux, uy = slip(ball, constants.radius)
-    if ball[PHASE] == SLIDING and math.sqrt(ux * ux + uy * uy) <= 3.5 * constants.sliding * MIN_STEP:
+    if ball.phase == SLIDING and math.sqrt(ux * ux + uy * uy) <= 3.5 * constants.sliding * MIN_STEP:
         roll_off(ball, constants.radius)
-        ball[PHASE] = ROLLING
+        ball.phase = ROLLING
 
 
 @kernel
-def _end_micro_motion(ball: Rows, constants: Constants) -> None:
+def _end_micro_motion(ball: Ball, constants: Constants) -> None:
     # A roll that has stopped, or is ending and would go no further than MIN_WAY. The acceleration stays: it tells what
     # pushes the ball.
-    square = ball[VX] * ball[VX] + ball[VY] * ball[VY]
-    ending = ball[AX] * ball[VX] + ball[AY] * ball[VY] <= 0.0
+    square = ball.vx * ball.vx + ball.vy * ball.vy
+    ending = ball.ax * ball.vx + ball.ay * ball.vy <= 0.0
     stopped = square <= constants.rest_speed * constants.rest_speed
-    if ball[PHASE] == ROLLING and (stopped or (ending and square <= 2.0 * constants.rolling * MIN_WAY)):
-        ball[PHASE] = AT_REST
-        ball[VX] = 0.0
-        ball[VY] = 0.0
-        ball[WX] = 0.0
-        ball[WY] = 0.0
+    if ball.phase == ROLLING and (stopped or (ending and square <= 2.0 * constants.rolling * MIN_WAY)):
+        ball.phase = AT_REST
+        ball.vx = 0.0
+        ball.vy = 0.0
+        ball.wx = 0.0
+        ball.wy = 0.0
 
 
 @kernel
-def _yield_to_kick(ball: Rows) -> float:
+def _yield_to_kick(ball: Ball) -> float:
     # Change of velocity by a unit impulse per mass, on the average over fine bounces.
-    if ball[PHASE] == SLIDING:
+    if ball.phase == SLIDING:
         return 1.0
-    return 5.0 / 7.0 if ball[PHASE] == ROLLING else 0.0
+    return 5.0 / 7.0 if ball.phase == ROLLING else 0.0
 
 
 @kernel
-def _kick(ball: Rows, jx: float, jy: float, radius: float) -> None:
+def _kick(ball: Ball, jx: float, jy: float, radius: float) -> None:
     give = _yield_to_kick(ball)
-    ball[VX] += give * jx
-    ball[VY] += give * jy
-    if ball[PHASE] == ROLLING:
-        ball[WX] = -ball[VY] / radius
-        ball[WY] = ball[VX] / radius
+    ball.vx += give * jx
+    ball.vy += give * jy
+    if ball.phase == ROLLING:
+        ball.wx = -ball.vy / radius
+        ball.wy = ball.vx / radius
 
 
 @kernel
-def _set_normals(state: State, ahead: float) -> None:
-    # Normals of all contacts, `ahead` seconds along the present arcs.
-    for c in range(int(state.clock[0][CONTACTS])):
+def _set_normals(state: State, contacts: int, ahead: float) -> None:
+    # `ahead` seconds along the present arcs.
+    for c in range(contacts):
         contact = state.contacts[c]
-        if contact[SECOND] >= 0.0:
+        if contact.second >= 0:
             qx, qy = _separation(state, contact, ahead)
             distance = math.sqrt(qx * qx + qy * qy)
-            contact[NORMAL_X] = qx / distance
-            contact[NORMAL_Y] = qy / distance
+            contact.normal_x = qx / distance
+            contact.normal_y = qy / distance
         else:
-            contact[NORMAL_X], contact[NORMAL_Y] = normal_of_rail(-1.0 - contact[SECOND])
+            contact.normal_x, contact.normal_y = normal_of_rail(-1 - contact.second)
 
 
 @kernel
-def _separation(state: State, contact: Rows, ahead: float) -> tuple[float, float]:
-    first = state.balls[int(contact[FIRST])]
-    second = state.balls[int(contact[SECOND])]
+def _separation(state: State, contact: Contact, ahead: float) -> tuple[float, float]:
+    first = state.balls[contact.first]
+    second = state.balls[contact.second]
     return (
-        first[X] - second[X] + (first[VX] - second[VX] + 0.5 * (first[AX] - second[AX]) * ahead) * ahead,
-        first[Y] - second[Y] + (first[VY] - second[VY] + 0.5 * (first[AY] - second[AY]) * ahead) * ahead,
+        first.x - second.x + (first.vx - second.vx + 0.5 * (first.ax - second.ax) * ahead) * ahead,
+        first.y - second.y + (first.vy - second.vy + 0.5 * (first.ay - second.ay) * ahead) * ahead,
     )
 
 
 @kernel
-def _set_direction(ball: Rows, ahead: float, constants: Constants) -> None:
+def _set_direction(ball: Ball, ahead: float, constants: Constants) -> None:
     # The direction that friction opposes, `ahead` seconds along the present arc.
-    if ball[PHASE] == SLIDING:
+    if ball.phase == SLIDING:
         ux, uy = slip(ball, constants.radius)
-        dx = ux + (ball[AX] - constants.radius * ball[ALPHA_Y]) * ahead
-        dy = uy + (ball[AY] + constants.radius * ball[ALPHA_X]) * ahead
+        dx = ux + (ball.ax - constants.radius * ball.alpha_y) * ahead
+        dy = uy + (ball.ay + constants.radius * ball.alpha_x) * ahead
     else:
-        dx = ball[VX] + ball[AX] * ahead
-        dy = ball[VY] + ball[AY] * ahead
+        dx = ball.vx + ball.ax * ahead
+        dy = ball.vy + ball.ay * ahead
     length = math.sqrt(dx * dx + dy * dy)
     if length > 0.0:
-        ball[DIR_X] = dx / length
-        ball[DIR_Y] = dy / length
+        ball.dir_x = dx / length
+        ball.dir_y = dy / length
 
 
 @kernel
-def _stay(ball: Rows) -> None:
-    ball[AX] = 0.0
-    ball[AY] = 0.0
-    ball[ALPHA_X] = 0.0
-    ball[ALPHA_Y] = 0.0
+def _stay(ball: Ball) -> None:
+    ball.ax = 0.0
+    ball.ay = 0.0
+    ball.alpha_x = 0.0
+    ball.alpha_y = 0.0
 
 
 @kernel
-def _set_acceleration(ball: Rows, constants: Constants) -> None:
+def _set_acceleration(ball: Ball, constants: Constants) -> None:
     # Of a pushed ball; spin follows from friction alone.
-    px, py = ball[PUSH_X], ball[PUSH_Y]
-    if ball[PHASE] == SLIDING:
-        fx = -constants.sliding * ball[DIR_X]
-        fy = -constants.sliding * ball[DIR_Y]
-        ball[AX] = px + fx
-        ball[AY] = py + fy
-        ball[ALPHA_X] = 2.5 * fy / constants.radius
-        ball[ALPHA_Y] = -2.5 * fx / constants.radius
+    px, py = ball.push_x, ball.push_y
+    if ball.phase == SLIDING:
+        fx = -constants.sliding * ball.dir_x
+        fy = -constants.sliding * ball.dir_y
+        ball.ax = px + fx
+        ball.ay = py + fy
+        ball.alpha_x = 2.5 * fy / constants.radius
+        ball.alpha_y = -2.5 * fx / constants.radius
         return
     push = math.sqrt(px * px + py * py)
     grip = 3.5 * constants.sliding
     resistance = constants.rolling * (1.0 - push / grip) if push < grip else 0.0
-    dx, dy = ball[DIR_X], ball[DIR_Y]
-    if ball[PHASE] == AT_REST:
+    dx, dy = ball.dir_x, ball.dir_y
+    if ball.phase == AT_REST:
         if 5.0 / 7.0 * push <= resistance or push == 0.0:
             _stay(ball)
             return
         dx = px / push
         dy = py / push
-    ball[AX] = 5.0 / 7.0 * px - resistance * dx
-    ball[AY] = 5.0 / 7.0 * py - resistance * dy
-    ball[ALPHA_X] = -ball[AY] / constants.radius
-    ball[ALPHA_Y] = ball[AX] / constants.radius
+    ball.ax = 5.0 / 7.0 * px - resistance * dx
+    ball.ay = 5.0 / 7.0 * py - resistance * dy
+    ball.alpha_x = -ball.ay / constants.radius
+    ball.alpha_y = ball.ax / constants.radius
 
 
 @kernel
-def _push(ball: Rows, fx: float, fy: float, constants: Constants) -> None:
-    ball[PUSH_X] += fx
-    ball[PUSH_Y] += fy
+def _push(ball: Ball, fx: float, fy: float, constants: Constants) -> None:
+    ball.push_x += fx
+    ball.push_y += fy
     _set_acceleration(ball, constants)
 
 
 @kernel
-def _solve_pushes(state: State, constants: Constants, step: float) -> None:
-    # Pushes of all contacts by sweeps over them (projected Gauss-Seidel). With a step, no gap changes over it; without,
+def _solve_pushes(state: State, constants: Constants, contacts: int, count: int, step: float) -> None:
+    # Pushes of an island by sweeps over them (projected Gauss-Seidel). With a step, no gap changes over it; without,
     # no relative normal acceleration.
-    count = int(state.clock[0][CONTACTS])
-    for i in range(len(state.balls)):
-        ball = state.balls[i]
-        if ball[HELD] > 0.0:
-            ball[PUSH_X] = 0.0
-            ball[PUSH_Y] = 0.0
-            _set_acceleration(ball, constants)
-    for c in range(count):
+    for k in range(count):
+        ball = state.balls[state.members[k].ball]
+        ball.push_x = 0.0
+        ball.push_y = 0.0
+        _set_acceleration(ball, constants)
+    for c in range(contacts):
         contact = state.contacts[c]
-        fx = contact[PUSH] * contact[NORMAL_X]
-        fy = contact[PUSH] * contact[NORMAL_Y]
-        _push(state.balls[int(contact[FIRST])], fx, fy, constants)
-        if contact[SECOND] >= 0.0:
-            _push(state.balls[int(contact[SECOND])], -fx, -fy, constants)
+        fx = contact.push * contact.normal_x
+        fy = contact.push * contact.normal_y
+        _push(state.balls[contact.first], fx, fy, constants)
+        if contact.second >= 0:
+            _push(state.balls[contact.second], -fx, -fy, constants)
     enough = max(PUSH_TOLERANCE, GAP_TOLERANCE / (step * step)) if step > 0.0 else PUSH_TOLERANCE
     for _ in range(MAX_ITERATIONS):
         worst = 0.0
-        for c in range(count):
+        for c in range(contacts):
             contact = state.contacts[c]
-            first = state.balls[int(contact[FIRST])]
-            nx, ny = contact[NORMAL_X], contact[NORMAL_Y]
-            give = 1.0 if first[PHASE] == SLIDING else 5.0 / 7.0
-            if contact[SECOND] < 0.0:
-                opening = first[AX] * nx + first[AY] * ny
+            first = state.balls[contact.first]
+            nx, ny = contact.normal_x, contact.normal_y
+            give = 1.0 if first.phase == SLIDING else 5.0 / 7.0
+            if contact.second < 0:
+                opening = first.ax * nx + first.ay * ny
             else:
-                second = state.balls[int(contact[SECOND])]
-                give += 1.0 if second[PHASE] == SLIDING else 5.0 / 7.0
+                second = state.balls[contact.second]
+                give += 1.0 if second.phase == SLIDING else 5.0 / 7.0
                 qx, qy = _separation(state, contact, 0.0)
                 distance = math.sqrt(qx * qx + qy * qy)
                 if step > 0.0:
@@ -399,15 +417,15 @@ def _solve_pushes(state: State, constants: Constants, step: float) -> None:
                     change = (ex - qx) * (ex + qx) + (ey - qy) * (ey + qy)
                     opening = 2.0 * change / ((math.sqrt(ex * ex + ey * ey) + distance) * step * step)
                 else:
-                    across = (first[VY] - second[VY]) * nx - (first[VX] - second[VX]) * ny
-                    opening = (first[AX] - second[AX]) * nx + (first[AY] - second[AY]) * ny
+                    across = (first.vy - second.vy) * nx - (first.vx - second.vx) * ny
+                    opening = (first.ax - second.ax) * nx + (first.ay - second.ay) * ny
                     opening += across * across / distance
-            new = max(contact[PUSH] - opening / give, 0.0)
-            change = new - contact[PUSH]
+            new = max(contact.push - opening / give, 0.0)
+            change = new - contact.push
             if change != 0.0:
-                contact[PUSH] = new
+                contact.push = new
                 _push(first, change * nx, change * ny, constants)
-                if contact[SECOND] >= 0.0:
+                if contact.second >= 0:
                     _push(second, -change * nx, -change * ny, constants)
                 worst = max(worst, abs(change))
         if worst <= enough:
@@ -415,22 +433,22 @@ def _solve_pushes(state: State, constants: Constants, step: float) -> None:
 
 
 @kernel
-def _step_for(ball: Rows, constants: Constants) -> float:
+def _step_for(ball: Ball, constants: Constants) -> float:
     # How long a held ball's directions stay nearly what they are.
-    if ball[PHASE] == AT_REST:
+    if ball.phase == AT_REST:
         return INF
-    if ball[PHASE] == SLIDING:
+    if ball.phase == SLIDING:
         vx, vy = slip(ball, constants.radius)
-        ax = ball[AX] - constants.radius * ball[ALPHA_Y]
-        ay = ball[AY] + constants.radius * ball[ALPHA_X]
+        ax = ball.ax - constants.radius * ball.alpha_y
+        ay = ball.ay + constants.radius * ball.alpha_x
         error = SLIP_TURN_ERROR
     else:
-        vx, vy, ax, ay = ball[VX], ball[VY], ball[AX], ball[AY]
+        vx, vy, ax, ay = ball.vx, ball.vy, ball.ax, ball.ay
         error = ROLL_TURN_ERROR
     step = INF
     speed = math.sqrt(vx * vx + vy * vy)
-    along = ax * ball[DIR_X] + ay * ball[DIR_Y]
-    across = abs(ax * ball[DIR_Y] - ay * ball[DIR_X])
+    along = ax * ball.dir_x + ay * ball.dir_y
+    across = abs(ax * ball.dir_y - ay * ball.dir_x)
     if across > 0.0:
         turn = min(MAX_TURN, math.sqrt(error / speed)) if speed > 0.0 else MAX_TURN
         step = turn * speed / across
@@ -441,74 +459,70 @@ def _step_for(ball: Rows, constants: Constants) -> float:
 
 
 @kernel
-def update_contacts(state: State, constants: Constants, now: float) -> None:
-    """Solve the pushes for the next step and start the arcs of all balls in sustained contact, which are at `now`.
+def update_contacts(state: State, constants: Constants, i: int, now: float) -> None:
+    """Solve the pushes of the island of ball i for its next step and start the arcs of its balls, which are at `now`.
 
-    Contacts without a push end. `settle_contacts` must have run at this time.
+    Contacts without a push end.
     """
-    clock = state.clock[0]
     balls = state.balls
-    for c in range(int(clock[CONTACTS])):
-        state.contacts[c][PUSH] = 0.0  # not from where they were: among resting balls any old push would do
+    contacts, count = _gather(state, i)
+    _set_normals(state, contacts, 0.0)
+    for c in range(contacts):
+        state.contacts[c].push = 0.0  # not from where they were: among resting balls any old push would do
     sliding_off = True
     while sliding_off:
-        for i in range(len(balls)):
-            if balls[i][HELD] > 0.0:
-                _set_direction(balls[i], 0.0, constants)
-        _solve_pushes(state, constants, 0.0)
+        for k in range(count):
+            _set_direction(balls[state.members[k].ball], 0.0, constants)
+        _solve_pushes(state, constants, contacts, count, 0.0)
         sliding_off = False
-        for i in range(len(balls)):
-            if balls[i][HELD] > 0.0 and _slides_off(balls[i], constants):
+        for k in range(count):
+            if _slides_off(balls[state.members[k].ball], constants):
                 sliding_off = True
-    for c in range(int(clock[CONTACTS])):
-        state.contacts[c][FIRST_PUSH] = state.contacts[c][PUSH]
+    for c in range(contacts):
+        state.contacts[c].first_push = state.contacts[c].push
     step = MAX_STEP
-    for i in range(len(balls)):
-        if balls[i][HELD] > 0.0:
-            step = min(step, _step_for(balls[i], constants))
-    for c in range(int(clock[CONTACTS])):
+    for k in range(count):
+        step = min(step, _step_for(balls[state.members[k].ball], constants))
+    for c in range(contacts):
         turning = _turning_rate(state, state.contacts[c], constants)
         while turning * step * step * step > MAX_STRAY:
             step *= 0.5
     step = max(step, MIN_STEP)
-    for i in range(len(balls)):
-        if balls[i][HELD] > 0.0:
-            _set_direction(balls[i], 0.5 * step, constants)
-    _set_normals(state, 0.5 * step)
-    _solve_pushes(state, constants, step if step >= SHORT_STEP else 0.0)
-    for i in range(len(balls)):
-        ball = balls[i]
-        if ball[HELD] > 0.0:
-            ball[PHASE_END] = INF
-            if ball[PHASE] == AT_REST:
-                if abs(ball[AX]) + abs(ball[AY]) > PRESS_ACCELERATION:
-                    ball[PHASE] = ROLLING
-                else:
-                    _stay(ball)
-    for c in range(int(clock[CONTACTS]) - 1, -1, -1):
+    for k in range(count):
+        _set_direction(balls[state.members[k].ball], 0.5 * step, constants)
+    _set_normals(state, contacts, 0.5 * step)
+    _solve_pushes(state, constants, contacts, count, step if step >= SHORT_STEP else 0.0)
+    for k in range(count):
+        ball = balls[state.members[k].ball]
+        ball.phase_end = now + step
+        if ball.phase == AT_REST:
+            if abs(ball.ax) + abs(ball.ay) > PRESS_ACCELERATION:
+                ball.phase = ROLLING
+            else:
+                _stay(ball)
+    for c in range(contacts - 1, -1, -1):
         # One that closes at first and opens within the step lasts for the step.
-        if max(state.contacts[c][PUSH], state.contacts[c][FIRST_PUSH]) <= PUSH_TOLERANCE:
+        if max(state.contacts[c].push, state.contacts[c].first_push) <= PUSH_TOLERANCE:
             _release(state, c)
-    clock[UPDATE_TIME] = now + step if clock[CONTACTS] > 0.0 else INF
 
 
 @kernel
-def _turning_rate(state: State, contact: Rows, constants: Constants) -> float:
+def _turning_rate(state: State, contact: Contact, constants: Constants) -> float:
     # Of the normal of a contact, rad/s.
-    if contact[SECOND] < 0.0:
+    if contact.second < 0:
         return 0.0
-    first, second = state.balls[int(contact[FIRST])], state.balls[int(contact[SECOND])]
-    across = (first[VY] - second[VY]) * contact[NORMAL_X] - (first[VX] - second[VX]) * contact[NORMAL_Y]
+    first, second = state.balls[contact.first], state.balls[contact.second]
+    across = (first.vy - second.vy) * contact.normal_x - (first.vx - second.vx) * contact.normal_y
     return abs(across) / (2.0 * constants.radius)
 
 
 @kernel
-def _slides_off(ball: Rows, constants: Constants) -> bool:
+def _slides_off(ball: Ball, constants: Constants) -> bool:
     # Whether a push is more than a ball can roll with; it then begins to slip along the push.
-    push = math.sqrt(ball[PUSH_X] * ball[PUSH_X] + ball[PUSH_Y] * ball[PUSH_Y])
-    if ball[PHASE] == SLIDING or push <= 3.5 * constants.sliding:
+    push = math.sqrt(ball.push_x * ball.push_x + ball.push_y * ball.push_y)
+    if ball.phase == SLIDING or push <= 3.5 * constants.sliding:
         return False
-    ball[PHASE] = SLIDING
-    ball[DIR_X] = ball[PUSH_X] / push
-    ball[DIR_Y] = ball[PUSH_Y] / push
+    ball.phase = SLIDING
+    ball.dir_x = ball.push_x / push
+    ball.dir_y = ball.push_y / push
     return True

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-BALL_BALL = 0.0
-BALL_RAIL = 1.0
-ROLLED = 2.0
-RESTED = 3.0
-SHOT = 4.0
+BALL_BALL = 0
+BALL_RAIL = 1
+ROLLED = 2
+RESTED = 3
+SHOT = 4
 KINDS = ("ball_ball", "ball_rail", "rolling", "rest", "shot")
-"""Event kinds by code. Codes are floats: kernels keep them in tables of floats."""
+"""Event kinds by code."""
 
-X_MIN = 0.0
-X_MAX = 1.0
-Y_MIN = 2.0
-Y_MAX = 3.0
+X_MIN = 0
+X_MAX = 1
+Y_MIN = 2
+Y_MAX = 3
 RAILS = ("x_min", "x_max", "y_min", "y_max")
 """Rails by code."""
 

@@ -1,25 +1,27 @@
 """One source, two speeds: kernels that Numba compiles where it is installed and Python interprets where it is not.
 
-A kernel is a plain function over numbers and tables of numbers. A table is a (rows, columns) NumPy array when kernels
-are compiled and a list of lists of floats when they are interpreted, because Python reads a list element four times
-faster than an array element. Kernels index both as `table[row][column]`; both give the same bits.
+A kernel is a plain function over numbers and tables of records. A table is a structured NumPy array when kernels are
+compiled and a list of objects when they are interpreted, because Python reads an attribute many times faster than an
+array element. Kernels write `table[row].field` for both; both give the same bits.
 
 Numba's own switch `NUMBA_DISABLE_JIT=1` selects interpretation where Numba is installed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import astuple, fields
+from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
-Rows = Any
-"""A table of floats: NDArray (rows, columns) or list of lists."""
-
+Row = TypeVar("Row")
 try:
     import numba
 except ImportError:
@@ -40,23 +42,59 @@ def entry(function: Kernel) -> Kernel:
 
 def _compiled(function: Kernel, **options: Any) -> Any:
     njit: Any = numba.njit  # its type stubs do not know every option
-    return njit(**options)(function)
+    # Kernels allocate nothing. Without the counting of references to arrays they run a quarter faster.
+    return njit(_nrt=False, **options)(function)
 
 
-def rows(values: ArrayLike) -> Rows:
-    """A table with these values, (rows, columns), for kernels to read and write."""
-    table = np.array(values, dtype=np.float64, ndmin=2)
-    return table if COMPILED else table.tolist()
+def rows(kind: type[Row], count: int) -> Sequence[Row]:
+    """`count` records of zeros, each with the fields of a dataclass of floats, ints and bools."""
+    if not COMPILED:
+        return [kind() for _ in range(count)]
+    layout = _layout(kind)  # type: ignore[arg-type]
+    return np.frombuffer(bytearray(count * layout.itemsize), layout)  # type: ignore[return-value]
 
 
-def copy_rows(table: Rows) -> Rows:
-    """A table with the same values that shares nothing with it."""
-    return table.copy() if COMPILED else [row.copy() for row in table]
+def join_rows(tables: Sequence[Any]) -> Any:
+    """The records of several tables in one table, which shares nothing with them."""
+    if not COMPILED:
+        return [copy(row) for row in chain.from_iterable(tables)]
+    # As bytes: NumPy copies records field by field, which takes ten times longer.
+    return np.frombuffer(bytearray(b"".join(table.tobytes() for table in tables)), tables[0].dtype)
 
 
-def as_array(table: Rows) -> NDArray[np.float64]:
-    """The values of a table as a new array."""
-    return np.array(table, dtype=np.float64)
+def copy_rows(table: Any) -> Any:
+    """Records with the same values that share nothing with these."""
+    return join_rows([table])
+
+
+def as_tuple(record: Any) -> tuple[Any, ...]:
+    """The values of a record as Python numbers."""
+    return record.item() if COMPILED else astuple(record)
+
+
+def columns(table: Sequence[Any], *fields: str) -> NDArray[np.float64]:
+    """(rows, fields) the values of some fields of records, a copy."""
+    if COMPILED:
+        return np.stack([table[field] for field in fields], axis=1)  # type: ignore[call-overload]
+    return np.array([[getattr(row, field) for field in fields] for row in table], dtype=np.float64)
+
+
+def set_columns(table: Sequence[Any], fields: Sequence[str], values: NDArray[Any]) -> None:
+    """Give some fields of records the values, (rows, fields)."""
+    if COMPILED:
+        for column, field in enumerate(fields):
+            table[field] = values[:, column]  # type: ignore[index]
+    else:
+        for row, numbers in zip(table, values.tolist()):
+            for field, number in zip(fields, numbers):
+                setattr(row, field, number)
+
+
+@cache
+def _layout(kind: type[Any]) -> np.dtype[Any]:
+    sizes = {"float": np.float64, "int": np.int64, "bool": np.bool_}
+    layout = np.dtype([(field.name, sizes[str(field.type)]) for field in fields(kind)], align=True)
+    return np.dtype((np.record, layout))
 
 
 def _drop_stale_cache() -> None:

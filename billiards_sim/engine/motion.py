@@ -13,114 +13,105 @@ from __future__ import annotations
 
 import math
 
-from billiards_sim.engine.jit import Rows, kernel
-from billiards_sim.engine.state import (
-    ALPHA_X,
-    ALPHA_Y,
-    AT_REST,
-    AX,
-    AY,
-    CHANGED,
-    INF,
-    PHASE,
-    PHASE_END,
-    ROLLING,
-    SLIDING,
-    TIME,
-    VX,
-    VY,
-    WX,
-    WY,
-    Constants,
-    X,
-    Y,
-)
+from billiards_sim.engine.jit import kernel
+from billiards_sim.engine.state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants
 
 SLIP_ROUNDING = 1e-12
 """Relative to |v| + R|w|: a slip this small is rounding of v = R w, the ball rolls."""
 
 
 @kernel
-def slip(ball: Rows, radius: float) -> tuple[float, float]:
+def slip(ball: Ball, radius: float) -> tuple[float, float]:
     """Velocity of the contact point over the cloth, m/s (equations 13 and 14)."""
-    return ball[VX] - radius * ball[WY], ball[VY] + radius * ball[WX]
+    return ball.vx - radius * ball.wy, ball.vy + radius * ball.wx
 
 
 @kernel
-def anchor(ball: Rows, time: float) -> None:
+def place_at(ball: Ball, time: float) -> tuple[float, float]:
+    """Centre of a ball at a time in its present motion, m."""
+    dt = time - ball.time
+    return ball.x + (ball.vx + 0.5 * ball.ax * dt) * dt, ball.y + (ball.vy + 0.5 * ball.ay * dt) * dt
+
+
+@kernel
+def velocity_at(ball: Ball, time: float) -> tuple[float, float]:
+    """Velocity of a ball at a time in its present motion, m/s."""
+    dt = time - ball.time
+    return ball.vx + ball.ax * dt, ball.vy + ball.ay * dt
+
+
+@kernel
+def anchor(ball: Ball, time: float) -> None:
     """Move the anchor of a ball along its motion to a later time."""
-    dt = time - ball[TIME]
-    ball[TIME] = time
-    ball[X] += (ball[VX] + 0.5 * ball[AX] * dt) * dt
-    ball[Y] += (ball[VY] + 0.5 * ball[AY] * dt) * dt
-    ball[VX] += ball[AX] * dt
-    ball[VY] += ball[AY] * dt
-    ball[WX] += ball[ALPHA_X] * dt
-    ball[WY] += ball[ALPHA_Y] * dt
+    dt = time - ball.time
+    ball.x, ball.y = place_at(ball, time)
+    ball.vx, ball.vy = velocity_at(ball, time)
+    ball.wx += ball.alpha_x * dt
+    ball.wy += ball.alpha_y * dt
+    ball.time = time
 
 
 @kernel
-def roll_off(ball: Rows, radius: float) -> None:
+def roll_off(ball: Ball, radius: float) -> None:
     """End the slip of a ball: what friction makes of v and w by the time that u = 0."""
     ux, uy = slip(ball, radius)
-    ball[VX] -= 2.0 / 7.0 * ux
-    ball[VY] -= 2.0 / 7.0 * uy
-    ball[WX] = -ball[VY] / radius
-    ball[WY] = ball[VX] / radius
+    ball.vx -= 2.0 / 7.0 * ux
+    ball.vy -= 2.0 / 7.0 * uy
+    ball.wx = -ball.vy / radius
+    ball.wy = ball.vx / radius
 
 
 @kernel
-def phase_of(ball: Rows, constants: Constants) -> float:
+def phase_of(ball: Ball, constants: Constants) -> int:
     """The phase that velocity and spin of a ball stand for."""
     ux, uy = slip(ball, constants.radius)
-    speed = math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY])
-    spin = constants.radius * math.sqrt(ball[WX] * ball[WX] + ball[WY] * ball[WY])
+    speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
+    spin = constants.radius * math.sqrt(ball.wx * ball.wx + ball.wy * ball.wy)
     if math.sqrt(ux * ux + uy * uy) > max(SLIP_ROUNDING * (speed + spin), constants.rest_speed):
         return SLIDING
     return ROLLING if speed > constants.rest_speed else AT_REST
 
 
 @kernel
-def begin_motion(ball: Rows, phase: float, constants: Constants) -> None:
+def begin_motion(ball: Ball, phase: int, constants: Constants) -> None:
     """Set accelerations and end of a phase that begins at the anchor (equations 15 to 25)."""
-    ball[PHASE] = phase
-    ball[AX] = 0.0
-    ball[AY] = 0.0
-    ball[ALPHA_X] = 0.0
-    ball[ALPHA_Y] = 0.0
-    ball[PHASE_END] = INF
+    ball.phase = phase
+    ball.ax = 0.0
+    ball.ay = 0.0
+    ball.alpha_x = 0.0
+    ball.alpha_y = 0.0
+    ball.phase_end = INF
     if phase == AT_REST:
-        ball[VX] = 0.0
-        ball[VY] = 0.0
-        ball[WX] = 0.0
-        ball[WY] = 0.0
+        ball.vx = 0.0
+        ball.vy = 0.0
+        ball.wx = 0.0
+        ball.wy = 0.0
     elif phase == SLIDING and constants.sliding > 0.0:
         ux, uy = slip(ball, constants.radius)
         speed = math.sqrt(ux * ux + uy * uy)
-        ball[AX] = -constants.sliding * (ux / speed)
-        ball[AY] = -constants.sliding * (uy / speed)
-        ball[ALPHA_X] = 2.5 * ball[AY] / constants.radius
-        ball[ALPHA_Y] = -2.5 * ball[AX] / constants.radius
-        ball[PHASE_END] = ball[TIME] + 2.0 / 7.0 * speed / constants.sliding
+        ball.ax = -constants.sliding * (ux / speed)
+        ball.ay = -constants.sliding * (uy / speed)
+        ball.alpha_x = 2.5 * ball.ay / constants.radius
+        ball.alpha_y = -2.5 * ball.ax / constants.radius
+        ball.phase_end = ball.time + 2.0 / 7.0 * speed / constants.sliding
     elif phase == ROLLING and constants.rolling > 0.0:
-        speed = math.sqrt(ball[VX] * ball[VX] + ball[VY] * ball[VY])
-        ball[AX] = -constants.rolling * (ball[VX] / speed)
-        ball[AY] = -constants.rolling * (ball[VY] / speed)
-        ball[ALPHA_X] = -ball[AY] / constants.radius
-        ball[ALPHA_Y] = ball[AX] / constants.radius
-        ball[PHASE_END] = ball[TIME] + speed / constants.rolling
+        speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
+        ball.ax = -constants.rolling * (ball.vx / speed)
+        ball.ay = -constants.rolling * (ball.vy / speed)
+        ball.alpha_x = -ball.ay / constants.radius
+        ball.alpha_y = ball.ax / constants.radius
+        ball.phase_end = ball.time + speed / constants.rolling
 
 
 @kernel
-def end_phase(ball: Rows, constants: Constants) -> None:
-    """Move a ball to the end of its phase, mark it as changed: from sliding it rolls, from rolling it rests."""
-    ball[CHANGED] = 1.0
-    if ball[PHASE] == SLIDING:
-        vx, vy, wx, wy = ball[VX], ball[VY], ball[WX], ball[WY]
-        anchor(ball, ball[PHASE_END])
+def end_phase(ball: Ball, constants: Constants) -> None:
+    """Move a ball to the end of its phase: from sliding it rolls, from rolling it rests."""
+    if ball.phase == SLIDING:
+        vx, vy, wx, wy = ball.vx, ball.vy, ball.wx, ball.wy
+        anchor(ball, ball.phase_end)
         # From the state before the slide rather than at its end: exact, where the end of the slide is rounded.
-        ball[VX], ball[VY], ball[WX], ball[WY] = vx, vy, wx, wy
+        ball.vx, ball.vy, ball.wx, ball.wy = vx, vy, wx, wy
         roll_off(ball, constants.radius)
     else:
-        anchor(ball, ball[PHASE_END])
-        ball[VX], ball[VY], ball[WX], ball[WY] = 0.0, 0.0, 0.0, 0.0
+        anchor(ball, ball.phase_end)
+        ball.vx, ball.vy, ball.wx, ball.wy = 0.0, 0.0, 0.0, 0.0

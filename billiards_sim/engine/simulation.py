@@ -5,54 +5,33 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import starmap
 from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_sim.engine.contact import release_ball
+from billiards_sim.engine.contact import free_ball
 from billiards_sim.engine.cue import Strike, strike
 from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
-from billiards_sim.engine.jit import Rows, as_array, copy_rows, rows
+from billiards_sim.engine.jit import as_tuple, columns, copy_rows, join_rows, rows, set_columns
 from billiards_sim.engine.loop import CONTACTS_PER_BALL, PAUSED, run_until
 from billiards_sim.engine.scene import Scene
-from billiards_sim.engine.schedule import NOBODY
 from billiards_sim.engine.state import (
     AT_REST,
-    AX,
-    BALL_COLUMNS,
-    CHANGED,
-    CLOCK_COLUMNS,
-    CONTACT_COLUMNS,
-    E_APPROACH,
-    E_FIRST,
-    E_IMPULSE,
-    E_KIND,
-    E_NORMAL_X,
-    E_NORMAL_Y,
-    E_POINT_X,
-    E_POINT_Y,
-    E_SECOND,
-    E_TIME,
-    EVENT_COLUMNS,
-    EVENTS,
-    HELD,
-    HIT_TIME,
-    IMPACT_COLUMNS,
     INF,
-    NOW,
-    PHASE,
-    REPORTED,
+    NOBODY,
     ROLLING,
     SLIDING,
-    TIME,
-    UPDATE_TIME,
-    VX,
-    WX,
-    WY,
+    Ball,
+    Clock,
+    Constants,
+    Contact,
+    Impact,
+    Record,
+    Slot,
     State,
-    X,
     constants,
 )
 
@@ -76,7 +55,7 @@ class StallError(RuntimeError):
 class EventLog(Sequence[Event]):
     """The events of a stretch of time, in order. `Event` objects are built when they are looked at."""
 
-    def __init__(self, table: NDArray[np.float64], scene: Scene) -> None:
+    def __init__(self, table: Sequence[Record], scene: Scene) -> None:
         self._table = table
         self._scene = scene
 
@@ -90,34 +69,33 @@ class EventLog(Sequence[Event]):
     def __getitem__(self, index: int | slice) -> Event | EventLog:
         if isinstance(index, slice):
             return EventLog(self._table[index], self._scene)
-        return self._event(self._table[index].tolist())
+        return self._event(*as_tuple(self._table[index]))
 
     def __iter__(self) -> Iterator[Event]:
-        return map(self._event, self._table.tolist())
+        return starmap(self._event, map(as_tuple, self._table))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and list(self) == list(other)
 
     def __add__(self, other: EventLog) -> EventLog:
-        return EventLog(np.concatenate((self._table, other._table)), self._scene)
+        return EventLog(join_rows((self._table, other._table)), self._scene)
 
     def __repr__(self) -> str:
         return f"<EventLog of {len(self)} events>"
 
-    def _event(self, row: list[float]) -> Event:
-        kind = int(row[E_KIND])
+    def _event(self, time: float, kind: int, first: int, second: int, x: float, y: float, *impact: float) -> Event:
+        normal_x, normal_y, approach, impulse = impact
         names = self._scene.names
-        first = names[int(row[E_FIRST])]
         centre_x, centre_y = self._scene.table.centre
         return Event(
-            time=row[E_TIME],
+            time=time,
             kind=KINDS[kind],
-            balls=(first, names[int(row[E_SECOND])]) if kind == BALL_BALL else (first,),
-            rail=RAILS[int(row[E_SECOND])] if kind == BALL_RAIL else None,
-            point=(row[E_POINT_X] + centre_x, row[E_POINT_Y] + centre_y),
-            normal=(row[E_NORMAL_X], row[E_NORMAL_Y]),
-            approach_speed=row[E_APPROACH],
-            impulse=row[E_IMPULSE],
+            balls=(names[first], names[second]) if kind == BALL_BALL else (names[first],),
+            rail=RAILS[second] if kind == BALL_RAIL else None,
+            point=(x + centre_x, y + centre_y),
+            normal=(normal_x, normal_y),
+            approach_speed=approach,
+            impulse=impulse,
         )
 
 
@@ -141,26 +119,9 @@ class Simulation:
     """
 
     def __init__(self, scene: Scene) -> None:
-        count = len(scene)
-        balls = np.zeros((count, BALL_COLUMNS))
-        balls[:, X : X + 2] = scene.positions - scene.table.centre
-        balls[:, VX : VX + 2] = scene.velocities
-        balls[:, WX : WX + 3] = scene.angular_velocities
-        balls[:, HIT_TIME] = INF
-        moving = np.any(balls[:, VX : WY + 1] != 0.0, axis=1)
-        balls[:, PHASE] = np.where(moving, SLIDING, AT_REST)
-        balls[:, REPORTED] = np.where(moving, ROLLING, AT_REST)
-        balls[:, CHANGED] = 1.0
         self._scene = scene
-        self._constants = constants(scene.physics, scene.table)
-        self._state = State(
-            balls=rows(balls),
-            pairs=rows(np.full((count, count), INF)),
-            contacts=rows(np.zeros((CONTACTS_PER_BALL * count + 1, CONTACT_COLUMNS))),
-            impacts=rows(np.zeros((CONTACTS_PER_BALL * count, IMPACT_COLUMNS))),
-            clock=rows(np.zeros((1, CLOCK_COLUMNS))),
-            log=_new_log(count),
-        )
+        self._constants = constants(scene.physics, scene.table, len(scene))
+        self._state = _start(scene, self._constants)
         self._time = 0.0
         self._time_rest = 0.0  # what rounding keeps out of _time when it is a sum of steps
 
@@ -177,27 +138,27 @@ class Simulation:
     @property
     def positions(self) -> NDArray[np.float64]:
         """(N, 2) m, frame `table`, a copy."""
-        balls, dt = self._balls_and_ages()
-        return balls[:, X : X + 2] + (balls[:, VX : VX + 2] + 0.5 * balls[:, AX : AX + 2] * dt) * dt + self._centre
+        dt = self._ages()
+        motion = columns(self._state.balls, "x", "y", "vx", "vy", "ax", "ay")
+        return motion[:, 0:2] + (motion[:, 2:4] + 0.5 * motion[:, 4:6] * dt) * dt + self._centre
 
     @property
     def velocities(self) -> NDArray[np.float64]:
         """(N, 2) m/s, a copy."""
-        balls, dt = self._balls_and_ages()
-        return balls[:, VX : VX + 2] + balls[:, AX : AX + 2] * dt
+        motion = columns(self._state.balls, "vx", "vy", "ax", "ay")
+        return motion[:, 0:2] + motion[:, 2:4] * self._ages()
 
     @property
     def angular_velocities(self) -> NDArray[np.float64]:
         """(N, 3) rad/s, a copy."""
-        balls, dt = self._balls_and_ages()
-        spins = balls[:, WX : WX + 3].copy()
-        spins[:, :2] += balls[:, AX + 2 : AX + 4] * dt
+        spins = columns(self._state.balls, "wx", "wy", "wz")
+        spins[:, 0:2] += columns(self._state.balls, "alpha_x", "alpha_y") * self._ages()
         return spins
 
     @property
     def at_rest(self) -> bool:
         """Whether every ball rests. A ball that spins about the vertical on the spot rests."""
-        return all(ball[PHASE] == AT_REST for ball in self._state.balls)
+        return not columns(self._state.balls, "phase").any()
 
     @property
     def kinetic_energy(self) -> float:
@@ -209,8 +170,8 @@ class Simulation:
     def copy(self) -> Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
         twin = object.__new__(Simulation)
-        twin._scene, twin._constants = self._scene, self._constants
-        twin.restore(self.snapshot())
+        twin._scene, twin._constants, twin._state = self._scene, self._constants, _copy(self._state)
+        twin._time, twin._time_rest = self._time, self._time_rest
         return twin
 
     def snapshot(self) -> Snapshot:
@@ -248,28 +209,33 @@ class Simulation:
             raise ValueError(f"no ball is named {ball!r}; the balls are {', '.join(self._scene.names)}")
         index = self._scene.names.index(ball)
         struck = strike(force, offset, self._scene.physics)
-        if self._state.balls[index][PHASE] != AT_REST:
+        row = self._state.balls[index]
+        if row.phase != AT_REST:
             speed = float(np.hypot(*self.velocities[index]))
             raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
         centre = (self.positions[index] - self._centre).tolist()
         way = self._free_way(index, struck)
-        row = self._state.balls[index]
-        if row[HELD] > 0.0:
-            release_ball(self._state, index)
-        row[TIME] = self._time
-        for axis in range(2):
-            row[X + axis] = centre[axis] + way * struck.displacement[axis]
-            row[VX + axis] = struck.velocity[axis]
-        for axis in range(3):
-            row[WX + axis] += struck.angular_velocity[axis]
-        row[PHASE], row[REPORTED] = SLIDING, ROLLING
-        row[CHANGED] = 1.0
         clock = self._state.clock[0]
-        clock[UPDATE_TIME] = self._time
-        point = (centre[0] + struck.tip[0], centre[1] + struck.tip[1])
-        event = (self._time, SHOT, index, NOBODY, *point, *struck.direction, 0.0, struck.impulse)
-        self._state.log[int(clock[EVENTS])] = list(event)
-        clock[EVENTS] += 1.0
+        clock.now = self._time
+        if row.held > 0:
+            free_ball(self._state, self._constants, index, self._time)
+        elif not row.changed:
+            row.changed = True
+            self._state.changed[clock.changed].ball = index
+            clock.changed += 1
+        row.time = self._time
+        row.x, row.y = (centre[axis] + way * struck.displacement[axis] for axis in range(2))
+        row.vx, row.vy = struck.velocity[:2]
+        row.wx += struck.angular_velocity[0]
+        row.wy += struck.angular_velocity[1]
+        row.wz += struck.angular_velocity[2]
+        row.phase, row.reported = SLIDING, ROLLING
+        event = self._state.log[clock.events]
+        clock.events += 1
+        event.time, event.kind, event.first, event.second = self._time, SHOT, index, NOBODY
+        event.point_x, event.point_y = centre[0] + struck.tip[0], centre[1] + struck.tip[1]
+        event.normal_x, event.normal_y = struck.direction
+        event.approach, event.impulse = 0.0, struck.impulse
 
     def advance(self, duration: float) -> EventLog:
         """Go on by exactly `duration` s, however many events fall inside; returns these events.
@@ -303,7 +269,7 @@ class Simulation:
                     f"{physics.rolling_friction:g}: give run() a time `until`"
                 )
             events = self._run_until(INF)
-            self._time = max(self._time, self._state.clock[0][NOW])
+            self._time = max(self._time, self._state.clock[0].now)
         else:
             if not (math.isfinite(until) and until >= self._time):
                 raise ValueError(f"until must be a finite time >= now, {self._time:.9g} s, got {until!r}")
@@ -316,9 +282,9 @@ class Simulation:
     def _centre(self) -> NDArray[np.float64]:
         return np.array(self._scene.table.centre)
 
-    def _balls_and_ages(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        balls = as_array(self._state.balls)
-        return balls, (self._time - balls[:, TIME])[:, np.newaxis]
+    def _ages(self) -> NDArray[np.float64]:
+        # (N, 1) s since the anchors.
+        return self._time - columns(self._state.balls, "time")
 
     def _free_way(self, index: int, struck: Strike) -> float:
         # Share of the displacement under the cue, 0 to 1, that ends at the first ball or rail in the way.
@@ -337,36 +303,61 @@ class Simulation:
     def _run_until(self, until: float) -> EventLog:
         clock = self._state.clock[0]
         chunks = []
-        progress = clock[NOW]
+        progress = clock.now
         stalled = 0
         while True:
             status = run_until(self._state, self._constants, until, BATCH)
-            logged = int(clock[EVENTS])
-            chunks.append(as_array(self._state.log[:logged]).reshape(logged, EVENT_COLUMNS))
-            clock[EVENTS] = 0.0
+            chunks.append(copy_rows(self._state.log[: clock.events]))
+            clock.events = 0
             if status != PAUSED:
-                return EventLog(np.concatenate(chunks), self._scene)
-            stalled = stalled + 1 if clock[NOW] - progress < LEAST_PROGRESS else 0
+                return EventLog(chunks[0] if len(chunks) == 1 else join_rows(chunks), self._scene)
+            stalled = stalled + 1 if clock.now - progress < LEAST_PROGRESS else 0
             if stalled == 0:
-                progress = clock[NOW]
+                progress = clock.now
             elif stalled > STALLED_BATCHES:
-                raise StallError(f"no progress at {clock[NOW]!r} s: events follow each other without end")
+                raise StallError(f"no progress at {clock.now!r} s: events follow each other without end")
 
 
-def _new_log(count: int) -> Rows:
-    return rows(np.zeros((LOG_ROWS + (CONTACTS_PER_BALL + 1) * count, EVENT_COLUMNS)))
+def _start(scene: Scene, constants: Constants) -> State:
+    count = len(scene)
+    state = State(
+        balls=rows(Ball, count),
+        cells=rows(Slot, constants.cells_x * constants.cells_y),
+        nodes=rows(Slot, 2 << (count - 1).bit_length()),
+        changed=rows(Slot, count),
+        members=rows(Slot, count),
+        contacts=rows(Contact, CONTACTS_PER_BALL * count + 1),
+        impacts=rows(Impact, CONTACTS_PER_BALL * count),
+        clock=rows(Clock, 1),
+        log=_new_log(count),
+    )
+    moving = (scene.velocities != 0.0).any(axis=1) | (scene.angular_velocities[:, :2] != 0.0).any(axis=1)
+    set_columns(state.balls, ("x", "y"), scene.positions - scene.table.centre)
+    set_columns(state.balls, ("vx", "vy"), scene.velocities)
+    set_columns(state.balls, ("wx", "wy", "wz"), scene.angular_velocities)
+    set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), AT_REST))
+    return state
+
+
+def _new_log(count: int) -> Sequence[Record]:
+    return rows(Record, LOG_ROWS + (CONTACTS_PER_BALL + 1) * count)
 
 
 def _copy(state: State) -> State:
     # What is scratch is made anew, of the log only what no call has handed over yet is copied.
-    log = _new_log(len(state.balls))
-    for index in range(int(state.clock[0][EVENTS])):
-        log[index][:] = state.log[index]
+    count = len(state.balls)
+    pending = state.clock[0].events
+    log = _new_log(count)
+    if pending:
+        log[:pending] = copy_rows(state.log[:pending])  # type: ignore[index]
     return State(
         balls=copy_rows(state.balls),
-        pairs=copy_rows(state.pairs),
+        cells=copy_rows(state.cells),
+        nodes=copy_rows(state.nodes),
+        changed=copy_rows(state.changed),
+        members=rows(Slot, count),
         contacts=copy_rows(state.contacts),
-        impacts=copy_rows(state.impacts),
+        impacts=rows(Impact, CONTACTS_PER_BALL * count),
         clock=copy_rows(state.clock),
         log=log,
     )

@@ -1,4 +1,4 @@
-"""The arrays that the kernels share, column by column.
+"""What the kernels share: the records of balls, contacts, impacts and events.
 
 Positions are centred: x and y are measured from the centre of the playing area, so that IEEE arithmetic, exact under
 negation, keeps a mirror-symmetric scene symmetric.
@@ -7,69 +7,31 @@ negation, keeps a mirror-symmetric scene symmetric.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from billiards_sim.engine.jit import Rows
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.table import Table
 
 INF = math.inf
 
+NOBODY = -1
+"""Where a ball or a rail could stand, and none does."""
+
+ONE_CELL = 32
+"""Balls. Up to so many it is faster to look at all of them than to keep account of cells."""
+
 SPEED_LIMIT = 299_792_458.0
 """m/s. Largest speed, and spin times radius, of a ball at the start or after a shot: light's. Far below where the
 powers in the formulas overflow."""
 
-# Columns of a ball. Motion from its own last event on ("anchor") is x + v t + a t^2/2 and w + alpha t, in closed form.
-TIME = 0  # s, the anchor
-X, Y = 1, 2  # m, centred
-VX, VY = 3, 4  # m/s
-WX, WY, WZ = 5, 6, 7  # rad/s
-AX, AY = 8, 9  # m/s^2
-ALPHA_X, ALPHA_Y = 10, 11  # rad/s^2
-PHASE = 12  # AT_REST, ROLLING or SLIDING
-PHASE_END = 13  # s, when the phase ends by itself
-RAIL_TIME, RAIL = 14, 15  # s, code; the next rail contact
-HIT_TIME, HIT = 16, 17  # s, ball; the earliest predicted contact with another ball
-HELD = 18  # number of sustained contacts
-HELD_X, HELD_Y = 19, 20  # -1, 0 or 1: the rail that the ball is pressed to, by axis
-PUSH_X, PUSH_Y = 21, 22  # m/s^2, push of its sustained contacts per mass
-DIR_X, DIR_Y = 23, 24  # unit direction that friction opposes while in sustained contact
-CHANGED = 25  # 1 while the motion has changed and the predictions have not
-REPORTED = 26  # the phase that the log knows of
-MEMBER = 27  # in the cluster that is being gathered
-BALL_COLUMNS = 28
+AT_REST = 0
+SLIDING = 1
+ROLLING = 2
 
-AT_REST = 0.0
-SLIDING = 1.0
-ROLLING = 2.0
-
-# Columns of a sustained contact.
-FIRST, SECOND = 0, 1  # ball; ball or, for a rail, -1 - code
-PUSH = 2  # m/s^2 per mass
-NORMAL_X, NORMAL_Y = 3, 4  # unit, from second to first
-FIRST_PUSH = 5  # m/s^2, the push at the start of a step
-CONTACT_COLUMNS = 6
-
-# Columns of an impact, one of those that happen at the same instant.
-I_FIRST, I_SECOND = 0, 1  # ball; ball or, for a rail, -1 - code
-I_NORMAL_X, I_NORMAL_Y = 2, 3  # unit, from second to first
-I_APPROACH = 4  # m/s, when it first closed
-I_SHARE = 5  # m/s, what stops it in one reflection
-I_IMPULSE = 6  # N s
-IMPACT_COLUMNS = 7
-
-# Columns of the clock, a table of one row.
-NOW = 0  # s, the last event
-UPDATE_TIME = 1  # s, when sustained contacts, and balls that were set going from outside, are next looked at
-CONTACTS = 2  # number of sustained contacts
-EVENTS = 3  # number of events in the log
-CLOCK_COLUMNS = 4
-
-# Columns of an event.
-E_TIME, E_KIND, E_FIRST, E_SECOND = 0, 1, 2, 3  # E_SECOND: ball or rail
-E_POINT_X, E_POINT_Y, E_NORMAL_X, E_NORMAL_Y, E_APPROACH, E_IMPULSE = 4, 5, 6, 7, 8, 9
-EVENT_COLUMNS = 10
-
+QUEUED = 1
+LISTED = 2
 
 REST_WAY = 1e-20
 """m. A ball that would roll no further than this has stopped, 4e-11 m/s on the paper's cloth: otherwise balls in touch
@@ -79,15 +41,118 @@ SPEED_ROUNDING = 1e-15
 """m/s. An approach this slow at a touch is rounding of velocities that were equal, even without friction."""
 
 
-class State(NamedTuple):
-    """Everything that changes."""
+@dataclass(slots=True)
+class Ball:
+    """A ball. From its own last event on, the anchor, it moves by x + v t + a t^2/2 and w + alpha t, in closed form."""
 
-    balls: Rows  # (N, BALL_COLUMNS)
-    pairs: Rows  # (N, N) s, predicted contact of each pair, symmetric
-    contacts: Rows  # (capacity, CONTACT_COLUMNS)
-    impacts: Rows  # (capacity, IMPACT_COLUMNS), scratch
-    clock: Rows  # (1, CLOCK_COLUMNS)
-    log: Rows  # (capacity, EVENT_COLUMNS)
+    time: float = 0.0  # s, the anchor
+    x: float = 0.0  # m, centred
+    y: float = 0.0
+    vx: float = 0.0  # m/s
+    vy: float = 0.0
+    ax: float = 0.0  # m/s^2
+    ay: float = 0.0
+    horizon: float = 0.0  # s, until when it moves like that and stays in its cell: the earliest of three times below
+    hit_time: float = 0.0  # s, when it meets another ball at the earliest
+    hit: int = 0  # that ball; NOBODY where it must be looked for then
+    next_in_cell: int = 0  # ball
+    cell_x: int = 0
+    cell_y: int = 0
+    event_time: float = 0.0  # s, the earlier of horizon and hit_time
+    phase: int = AT_REST  # or ROLLING, SLIDING
+    held: int = 0  # number of sustained contacts
+    wx: float = 0.0  # rad/s
+    wy: float = 0.0
+    wz: float = 0.0
+    alpha_x: float = 0.0  # rad/s^2
+    alpha_y: float = 0.0
+    phase_end: float = 0.0  # s, when the phase, or a step of a sustained contact, ends
+    rail_time: float = 0.0  # s, the next rail contact
+    rail: int = 0  # code
+    border_time: float = 0.0  # s, when it leaves its cell
+    border: int = 0  # code, on the side of which rail
+    held_x: bool = False  # whether a sustained contact is with a rail at x_min or x_max
+    held_y: bool = False
+    push_x: float = 0.0  # m/s^2, push of its sustained contacts per mass
+    push_y: float = 0.0
+    dir_x: float = 0.0  # unit direction that friction opposes while in sustained contact
+    dir_y: float = 0.0
+    changed: bool = False  # its motion has changed and the predictions have not
+    reported: int = AT_REST  # the phase that the log knows of
+    member: int = 0  # of the group that is being gathered: QUEUED or LISTED
+
+
+@dataclass(slots=True)
+class Contact:
+    """A sustained contact."""
+
+    first: int = 0  # ball
+    second: int = 0  # ball or, for a rail, -1 - code
+    push: float = 0.0  # m/s^2 per mass
+    normal_x: float = 0.0  # unit, from second to first
+    normal_y: float = 0.0
+    first_push: float = 0.0  # m/s^2, the push at the start of a step
+
+
+@dataclass(slots=True)
+class Impact:
+    """One of the impacts that happen at the same instant."""
+
+    first: int = 0  # ball
+    second: int = 0  # ball or, for a rail, -1 - code
+    normal_x: float = 0.0  # unit, from second to first
+    normal_y: float = 0.0
+    approach: float = 0.0  # m/s, when it first closed
+    share: float = 0.0  # m/s, what stops it in one reflection
+    impulse: float = 0.0  # N s
+
+
+@dataclass(slots=True)
+class Slot:
+    """A place for a ball in a list."""
+
+    ball: int = 0
+
+
+@dataclass(slots=True)
+class Clock:
+    """Where the run is."""
+
+    begun: bool = False
+    now: float = 0.0  # s, the last event
+    changed: int = 0  # number of balls whose motion has changed
+    contacts: int = 0  # number of sustained contacts
+    events: int = 0  # number of events in the log
+
+
+@dataclass(slots=True)
+class Record:
+    """An event in the log."""
+
+    time: float = 0.0  # s
+    kind: int = 0  # code
+    first: int = 0  # ball
+    second: int = 0  # ball or rail
+    point_x: float = 0.0  # m, centred
+    point_y: float = 0.0
+    normal_x: float = 0.0
+    normal_y: float = 0.0
+    approach: float = 0.0  # m/s
+    impulse: float = 0.0  # N s
+
+
+class State(NamedTuple):
+    """Everything that changes. The clock is a table of one row."""
+
+    balls: Sequence[Ball]
+    cells: Sequence[Slot]  # the first ball in each, row by row
+    nodes: Sequence[Slot]  # of the tree, from 1 on: the first of the two below; the second half are the leaves
+    changed: Sequence[Slot]
+    members: Sequence[Slot]  # scratch: of a group
+    contacts: Sequence[Contact]
+    impacts: Sequence[Impact]  # scratch
+    clock: Sequence[Clock]
+    log: Sequence[Record]
 
 
 class Constants(NamedTuple):
@@ -100,14 +165,22 @@ class Constants(NamedTuple):
     restitution: float
     limit_x: float  # m, largest |x| of a ball's centre
     limit_y: float  # m
+    cells_x: int  # number of cells along x
+    cells_y: int
+    cell_width: float  # m
+    cell_height: float
     rest_speed: float  # m/s, a ball or a slip this slow has stopped
     least_approach: float  # m/s, bodies in touch that approach no faster do not
 
 
-def constants(physics: Physics, table: Table) -> Constants:
+def constants(physics: Physics, table: Table, count: int) -> Constants:
+    """For so many balls: the cells are about as many, but none narrower than a ball."""
     sliding = physics.sliding_friction * physics.gravity
     rolling = physics.rolling_friction * physics.gravity
     rest_speed = math.sqrt(2.0 * rolling * REST_WAY) if sliding > 0.0 else 0.0
+    side = max(2.0 * physics.radius, math.sqrt(table.length * table.width / count))
+    cells_x = 1 if count <= ONE_CELL else max(1, int(table.length / side))
+    cells_y = 1 if count <= ONE_CELL else max(1, int(table.width / side))
     return Constants(
         mass=physics.mass,
         radius=physics.radius,
@@ -116,6 +189,10 @@ def constants(physics: Physics, table: Table) -> Constants:
         restitution=physics.rail_restitution,
         limit_x=0.5 * table.length - physics.radius,
         limit_y=0.5 * table.width - physics.radius,
+        cells_x=cells_x,
+        cells_y=cells_y,
+        cell_width=table.length / cells_x,
+        cell_height=table.width / cells_y,
         rest_speed=rest_speed,
         least_approach=max(rest_speed, SPEED_ROUNDING),
     )
