@@ -30,7 +30,7 @@ from billiards_sim.engine.jit import COMPILED
 from billiards_sim.engine.state import constants
 
 FILE = DATA / "contact_times.npz"
-LEAST = constants(bs.Physics(), bs.Table()).least_approach
+LEAST = constants(bs.Physics(), bs.Table(), 2).least_approach
 ROUNDING = 2.0**-53
 TANGENT = 1e-12
 """Relative to D. What comes no nearer to D than this, or goes no deeper, may be a hit or a miss."""
