@@ -37,6 +37,10 @@ REST_WAY = 1e-20
 """m. A ball that would roll no further than this has stopped, 4e-11 m/s on the paper's cloth: otherwise balls in touch
 hand on the rounding of their velocities in ever smaller steps. Without friction nothing stops."""
 
+JOIN_WAY = 1e-11
+"""m. Whatever meets a ball in sustained contact so slowly that it would roll no further than this after the bounce joins
+the contact, at 1.4e-6 m/s on the paper's cloth. Else a pushed cluster would be torn apart by its own last bounces."""
+
 SPEED_ROUNDING = 1e-15
 """m/s. An approach this slow at a touch is rounding of velocities that were equal, even without friction."""
 
@@ -171,6 +175,7 @@ class Constants(NamedTuple):
     cell_height: float
     rest_speed: float  # m/s, a ball or a slip this slow has stopped
     least_approach: float  # m/s, bodies in touch that approach no faster do not
+    join_speed: float  # m/s, what meets a ball in sustained contact no faster joins it
 
 
 def constants(physics: Physics, table: Table, count: int) -> Constants:
@@ -195,4 +200,5 @@ def constants(physics: Physics, table: Table, count: int) -> Constants:
         cell_height=table.width / cells_y,
         rest_speed=rest_speed,
         least_approach=max(rest_speed, SPEED_ROUNDING),
+        join_speed=math.sqrt(2.0 * rolling * JOIN_WAY) if sliding > 0.0 else 0.0,
     )
