@@ -7,7 +7,18 @@ from billiards_sim.engine import scenes
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import Scene, Shot, load_scene, save_scene
-from billiards_sim.engine.simulation import Simulation
+from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.engine.table import Table
 
-__all__ = ["Event", "Physics", "Scene", "Shot", "Simulation", "Table", "load_scene", "save_scene", "scenes"]
+__all__ = [
+    "Event",
+    "Physics",
+    "Scene",
+    "Shot",
+    "Simulation",
+    "StallError",
+    "Table",
+    "load_scene",
+    "save_scene",
+    "scenes",
+]

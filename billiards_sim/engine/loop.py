@@ -39,6 +39,7 @@ def run_until(state: State, constants: Constants, until: float, batch: int) -> i
         if clock.events > room:
             return PAUSED
         clock.now = now
+        clock.passes += 1
         if ball.hit_time == now and ball.hit == NOBODY:
             predict_pairs(state, constants, i, now)
         elif ball.hit_time == now:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import starmap
@@ -17,7 +19,7 @@ from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
 from billiards_sim.engine.jit import as_tuple, columns, copy_rows, join_rows, rows, set_columns
 from billiards_sim.engine.loop import CONTACTS_PER_BALL, PAUSED, run_until
-from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene import Scene, Shot, save_scene
 from billiards_sim.engine.state import (
     AT_REST,
     INF,
@@ -35,21 +37,41 @@ from billiards_sim.engine.state import (
     constants,
 )
 
-BATCH = 10_000
-"""Events between two looks at the progress of the clock."""
+BATCH = 100_000
+"""Passes of the event loop between two looks at the progress of the clock."""
 
-LEAST_PROGRESS = 1e-9
-"""s. Batches of events that advance the clock by less are a stall; a break has a few hundred events in seconds."""
-
-STALLED_BATCHES = 10
-"""Batches without progress until the simulation gives up."""
+EVENT_BUDGET = 1_000_000
+"""Passes of the event loop until which the fastest ball must have come further than its radius. A break takes a few
+hundred in all, the worst cluster of balls pressed together some ten thousand."""
 
 LOG_ROWS = 1024
 """Events that the kernels log before they hand them over."""
 
 
 class StallError(RuntimeError):
-    """The clock no longer advances: events follow each other without end. A defect of the engine, not of the scene."""
+    """The clock hardly advances: events follow each other without end. A defect of the engine, not of the scene.
+
+    The simulation stands where it got to. Playing `scene`, with its shot if it has one, leads there again.
+
+    Attributes:
+        scene: what was on the table at the last shot, or at the start.
+        path: the file that holds it; None if it could not be written.
+        events: those of the call that ended so.
+    """
+
+    def __init__(self, reason: str, scene: Scene, events: EventLog) -> None:
+        self.scene = scene
+        self.events = events
+        self.path: str | None = None
+        try:
+            handle, path = tempfile.mkstemp(prefix="billiards_sim_stall_", suffix=".yaml")
+            os.close(handle)
+            save_scene(scene, path)
+            self.path = path
+        except (OSError, ImportError) as error:
+            super().__init__(f"{reason}; its scene could not be written: {error}")
+        else:
+            super().__init__(f"{reason}; {path} reproduces it")
 
 
 class EventLog(Sequence[Event]):
@@ -100,6 +122,17 @@ class EventLog(Sequence[Event]):
 
 
 @dataclass(frozen=True)
+class BeforeShot:
+    """What was on the table when a shot was made, and the arguments of `Simulation.strike`."""
+
+    balls: Sequence[Ball]
+    time: float
+    force: Sequence[float]
+    offset: Sequence[float]
+    ball: str
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """The state of a simulation at a time; made by `Simulation.snapshot`, for `Simulation.restore`."""
 
@@ -107,6 +140,7 @@ class Snapshot:
     state: State
     time: float
     time_rest: float
+    before_shot: BeforeShot | None
 
 
 class Simulation:
@@ -124,6 +158,7 @@ class Simulation:
         self._state = _start(scene, self._constants)
         self._time = 0.0
         self._time_rest = 0.0  # what rounding keeps out of _time when it is a sum of steps
+        self._before_shot: BeforeShot | None = None
 
     @property
     def scene(self) -> Scene:
@@ -171,12 +206,12 @@ class Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
         twin = object.__new__(Simulation)
         twin._scene, twin._constants, twin._state = self._scene, self._constants, _copy(self._state)
-        twin._time, twin._time_rest = self._time, self._time_rest
+        twin._time, twin._time_rest, twin._before_shot = self._time, self._time_rest, self._before_shot
         return twin
 
     def snapshot(self) -> Snapshot:
         """The present state, to `restore` later, as often as wanted."""
-        return Snapshot(self._scene, _copy(self._state), self._time, self._time_rest)
+        return Snapshot(self._scene, _copy(self._state), self._time, self._time_rest, self._before_shot)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a state of this simulation or of a copy of it.
@@ -188,6 +223,7 @@ class Simulation:
             raise ValueError("the snapshot is of a simulation of another scene")
         self._state = _copy(snapshot.state)
         self._time, self._time_rest = snapshot.time, snapshot.time_rest
+        self._before_shot = snapshot.before_shot
 
     def strike(self, force: Sequence[float], offset: Sequence[float] = (0.0, 0.0), ball: str = "cue") -> None:
         """Hit a resting ball with the cue (paper equations 1 to 12). The clock does not move.
@@ -213,6 +249,7 @@ class Simulation:
         if row.phase != AT_REST:
             speed = float(np.hypot(*self.velocities[index]))
             raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
+        self._before_shot = BeforeShot(copy_rows(self._state.balls), self._time, force, offset, ball)
         centre = (self.positions[index] - self._centre).tolist()
         way = self._free_way(index, struck)
         clock = self._state.clock[0]
@@ -282,6 +319,27 @@ class Simulation:
     def _centre(self) -> NDArray[np.float64]:
         return np.array(self._scene.table.centre)
 
+    def _origin(self) -> Scene:
+        # What leads to the present state: the scene, or what was on the table at the last shot, with the shot.
+        before = self._before_shot
+        if before is None:
+            return self._scene
+        force_x, force_y, force_z = before.force
+        side, up = before.offset
+        twin = self.copy()
+        twin._state = twin._state._replace(balls=before.balls)
+        twin._time = before.time
+        return Scene(
+            twin.positions,
+            twin.velocities,
+            twin.angular_velocities,
+            self._scene.names,
+            self._scene.table,
+            self._scene.physics,
+            name=f"{self._scene.name} before a shot".strip(),
+            shot=Shot((force_x, force_y, force_z), (side, up), before.ball),
+        )
+
     def _ages(self) -> NDArray[np.float64]:
         # (N, 1) s since the anchors.
         return self._time - columns(self._state.balls, "time")
@@ -303,19 +361,20 @@ class Simulation:
     def _run_until(self, until: float) -> EventLog:
         clock = self._state.clock[0]
         chunks = []
-        progress = clock.now
-        stalled = 0
+        passes, time = clock.passes, clock.now
         while True:
             status = run_until(self._state, self._constants, until, BATCH)
             chunks.append(copy_rows(self._state.log[: clock.events]))
             clock.events = 0
             if status != PAUSED:
                 return EventLog(chunks[0] if len(chunks) == 1 else join_rows(chunks), self._scene)
-            stalled = stalled + 1 if clock.now - progress < LEAST_PROGRESS else 0
-            if stalled == 0:
-                progress = clock.now
-            elif stalled > STALLED_BATCHES:
-                raise StallError(f"no progress at {clock.now!r} s: events follow each other without end")
+            if clock.passes - passes >= EVENT_BUDGET:
+                speeds = np.hypot(*columns(self._state.balls, "vx", "vy").T)
+                if (clock.now - time) * float(speeds.max()) < self._scene.physics.radius:
+                    self._time, self._time_rest = float(clock.now), 0.0
+                    reason = f"no progress: {clock.passes - passes} steps from {time!r} to {clock.now!r} s"
+                    raise StallError(reason, self._origin(), EventLog(join_rows(chunks), self._scene))
+                passes, time = clock.passes, clock.now
 
 
 def _start(scene: Scene, constants: Constants) -> State:

@@ -38,8 +38,8 @@ REST_WAY = 1e-20
 hand on the rounding of their velocities in ever smaller steps. Without friction nothing stops."""
 
 JOIN_WAY = 1e-11
-"""m. Whatever meets a ball in sustained contact so slowly that it would roll no further than this after the bounce joins
-the contact, at 1.4e-6 m/s on the paper's cloth. Else a pushed cluster would be torn apart by its own last bounces."""
+"""m. What meets a ball in sustained contact joins the contact if it would roll no further than this after the bounce:
+below 1.4e-6 m/s on the paper's cloth. Else a pushed cluster would be torn apart by its own last bounces."""
 
 SPEED_ROUNDING = 1e-15
 """m/s. An approach this slow at a touch is rounding of velocities that were equal, even without friction."""
@@ -124,6 +124,7 @@ class Clock:
 
     begun: bool = False
     now: float = 0.0  # s, the last event
+    passes: int = 0  # of the event loop
     changed: int = 0  # number of balls whose motion has changed
     contacts: int = 0  # number of sustained contacts
     events: int = 0  # number of events in the log

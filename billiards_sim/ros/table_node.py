@@ -22,7 +22,7 @@ from billiards_sim.engine import scenes
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.jit import COMPILED
 from billiards_sim.engine.scene import Shot
-from billiards_sim.engine.simulation import Simulation
+from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
 from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, wake_on_signals
 from billiards_sim.ros.wrench import shot_from_wrench
@@ -91,7 +91,12 @@ class TableNode(Node):
             self.create_timer(1.0 / self._settings.marker_rate, self._publish_markers, clock=self._steady_clock)
 
     def _on_tick(self) -> None:
-        self._publish_events(self._simulation.advance(self._tick_time))
+        try:
+            self._publish_events(self._simulation.advance(self._tick_time))
+        except StallError as error:
+            self.get_logger().error(f"the table goes back to the start of its scene: {error}")
+            self._publish_events(error.events)
+            self._restart()
         self._publish_poses()
         self._publish_twists()
         self._publish_at_rest()
@@ -121,14 +126,17 @@ class TableNode(Node):
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._publish_events(self._simulation.advance(0.0))  # of a shot that no tick has followed yet
-        self._stamps.restart(self._simulation.time)
-        self._simulation = Simulation(self._scene)
-        self._twists_due = [True] * len(self._scene)
+        self._restart()
         self._publish_at_rest()
         response.success = True
         response.message = f"{len(self._scene)} balls back at the start of scene {self._settings.scene_name}"
         self.get_logger().info(f"reset: {response.message}")
         return response
+
+    def _restart(self) -> None:
+        self._stamps.restart(self._simulation.time)
+        self._simulation = Simulation(self._scene)
+        self._twists_due = [True] * len(self._scene)
 
     def _publish_events(self, events: Sequence[Event]) -> None:
         if len(events) == 0 or self._collisions_publisher.get_subscription_count() == 0:

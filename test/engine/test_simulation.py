@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import billiards_sim as bs
+from billiards_sim.engine import simulation as simulation_module
 from billiards_sim.engine.jit import COMPILED
 
 RADIUS = bs.Physics().radius
@@ -306,3 +308,36 @@ def test_snapshot_keeps_a_shot_that_no_call_has_reported_yet() -> None:
 def test_snapshot_of_another_scene_is_refused() -> None:
     with pytest.raises(ValueError, match="another scene"):
         bs.Simulation(bs.scenes.head_on()).restore(bs.Simulation(bs.scenes.glancing()).snapshot())
+
+
+def test_stall_is_an_error_with_a_scene_file_that_leads_there_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    # With a budget of five steps the burst of impacts in a rack counts as a stall.
+    monkeypatch.setattr(simulation_module, "BATCH", 1)
+    monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation.strike((80.0, 1.0, 0.0), (0.001, 0.002))
+    with pytest.raises(bs.StallError, match="no progress.*reproduces it") as stall:
+        simulation.run()
+    assert simulation.time >= stall.value.events[-1].time > 0.1
+    assert stall.value.path is not None
+    scene = bs.load_scene(stall.value.path)
+    Path(stall.value.path).unlink()
+    assert scene.shot is not None
+    again = bs.Simulation(scene)
+    again.strike(scene.shot.force, scene.shot.offset, scene.shot.ball)
+    with pytest.raises(bs.StallError) as repeated:
+        again.run()
+    Path(str(repeated.value.path)).unlink()
+    assert list(repeated.value.events) == list(stall.value.events)
+    assert np.array_equal(again.positions, simulation.positions)
+
+
+def test_stall_without_a_shot_gives_the_scene_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulation_module, "BATCH", 1)
+    monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
+    rows = [[0.3 + (2.0 * RADIUS + 1e-4) * index, 0.6] for index in range(9)]
+    scene = bs.Scene(rows, [[3.0, 0.0]] + [[0.0, 0.0]] * 8)
+    with pytest.raises(bs.StallError) as stall:
+        bs.Simulation(scene).run()
+    Path(str(stall.value.path)).unlink()
+    assert stall.value.scene is scene

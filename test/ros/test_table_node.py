@@ -2,6 +2,7 @@
 
 import math
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -164,3 +165,36 @@ def test_a_table_without_a_cue_ball_in_a_namespace(site: Site, tmp_path: Path) -
     shoot = site.process("shoot", "--force", "80", "0", "--ros-args", "-r", "__ns:=/left")
     assert shoot.wait() == 1
     assert "refused: no ball is named 'cue'" in shoot.stdout
+
+
+IMPATIENT_TABLE = """
+import sys
+from billiards_sim.engine import simulation
+from billiards_sim.ros import table_node
+
+warm_up = table_node._warm_up
+
+def warm_up_and_lose_patience(node):
+    warm_up(node)
+    simulation.BATCH, simulation.EVENT_BUDGET = 1, 5
+
+table_node._warm_up = warm_up_and_lose_patience
+table_node.main(sys.argv[1:])
+"""
+
+
+def test_a_stall_puts_the_table_back_and_names_the_file_that_shows_it(site: Site) -> None:
+    # With a budget of five steps the burst of impacts in a rack counts as a stall.
+    table = site.process("--ros-args", "-p", "scene:=eight_ball", command=[sys.executable, "-c", IMPATIENT_TABLE])
+    table.wait_for("ready: ")
+    client = site.client()
+    assert client.shoot(wrench())["accepted"]
+    table.wait_for("the table goes back to the start of its scene: no progress")
+    client.spin_until(lambda: client.at_rest == [True, False, True])
+    assert positions(client.next_poses()[0]) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    path = re.search(r"(\S+\.yaml) reproduces it", table.stderr)
+    assert path is not None
+    scene = bs.load_scene(path[1])
+    Path(path[1]).unlink()
+    assert scene.shot is not None and scene.shot.force == (80.0, 0.0, 0.0)
+    assert client.shoot(wrench())["accepted"]
