@@ -67,25 +67,91 @@ def test_ball_that_bounces_its_way_into_contact_with_a_rail_takes_few_events(vy:
     assert simulation.positions[0, 0] == pytest.approx(AT_X_MAX, abs=1e-9)
 
 
-def pressed_pair() -> tuple[float, float]:
-    """Push per mass and acceleration of a ball that slides into a rolling one, both along a line.
+def pressed_row(followers: int) -> tuple[float, float]:
+    """Push per mass on a ball that slides into a row of rolling ones, and the acceleration of all along the line.
 
-    mu_s g - f = 5/7 f - mu_r g (1 - f / (7/2 mu_s g)).
+    Each follower takes the same share p of the push: a = 5/7 p - mu_r g (1 - p / (7/2 mu_s g)), and the first ball
+    a = mu_s g - followers p.
     """
-    push = (SLIDING + ROLLING) / (12.0 / 7.0 + ROLLING / (3.5 * SLIDING))
-    return push, SLIDING - push
+    share = (SLIDING + ROLLING) / (followers + 5.0 / 7.0 + ROLLING / (3.5 * SLIDING))
+    return followers * share, SLIDING - followers * share
 
 
-def test_ball_that_slides_into_a_frozen_one_pushes_it_along() -> None:
+@pytest.mark.parametrize("followers", [1, 2, 3, 5])
+def test_ball_that_slides_into_frozen_ones_pushes_them_along(followers: int) -> None:
     spin = 60.0
-    push, acceleration = pressed_pair()
-    simulation = bs.Simulation(in_a_row((0.0, spin), (0.0, 0.0)))
-    events = list(simulation.run())
+    push, acceleration = pressed_row(followers)
+    simulation = bs.Simulation(in_a_row((0.0, spin), *[(0.0, 0.0)] * followers))
+    start = simulation.positions
+    events = simulation.run()
     duration = RADIUS * spin / (3.5 * SLIDING - push)
     rolling = next(event for event in events if event.kind == "rolling" and event.balls == ("cue",))
-    assert rolling.time == pytest.approx(duration, abs=1e-7)
+    assert rolling.time == pytest.approx(duration, abs=1e-6)
     way = 0.5 * acceleration * duration**2 + (acceleration * duration) ** 2 / (2.0 * ROLLING)
-    assert simulation.positions[:, 0] - [0.8, 0.8 + 2.0 * RADIUS] == pytest.approx([way, way], abs=1e-6)
+    assert simulation.positions - start == pytest.approx(np.array([[way, 0.0]] * (followers + 1)), abs=1e-6)
+
+
+@pytest.mark.parametrize("followers", range(5))
+def test_spin_against_a_blocked_row_is_used_up_in_place(followers: int) -> None:
+    # Nothing can move, so only the spin slows down: slip falls at 5/2 mu_s g instead of 7/2 mu_s g.
+    spin = 120.0
+    start = AT_X_MAX - 2.0 * RADIUS * followers
+    simulation = bs.Simulation(in_a_row((0.0, spin), *[(0.0, 0.0)] * followers, start=start))
+    before = simulation.positions
+    events = simulation.run()
+    rest = next(event for event in events if event.kind == "rest" and event.balls == ("cue",))
+    assert rest.time == pytest.approx(RADIUS * spin / (2.5 * SLIDING), abs=1e-6)
+    assert simulation.positions == pytest.approx(before, abs=1e-9)
+    assert len(events) <= 10
+
+
+def test_spin_into_a_corner_is_used_up_in_place() -> None:
+    spin = np.array([-80.0, 120.0])
+    simulation = bs.Simulation(bs.Scene([[AT_X_MAX, AT_Y_MAX]], None, [[*spin, 0.0]]))
+    events = simulation.run()
+    assert events[-1].time == pytest.approx(RADIUS * np.hypot(*spin) / (2.5 * SLIDING), abs=1e-6)
+    assert simulation.positions == pytest.approx(np.array([[AT_X_MAX, AT_Y_MAX]]), abs=1e-9)
+    assert len(events) <= 10
+
+
+def pushed_pair_rates(state):
+    """d/dt of (p1, v1, (wx, wy)1, p2, v2) of a sliding ball that pushes a rolling one; the push per mass keeps
+    their distance: n . (a1 - a2) + vt^2/2R = 0."""
+    p1, v1, w1, p2, v2 = state.reshape(5, 2)
+    n = (p1 - p2) / np.hypot(*(p1 - p2))
+    slip = v1 + RADIUS * np.array([-w1[1], w1[0]])
+    friction = -SLIDING * slip / np.hypot(*slip)
+    speed = np.hypot(*v2)
+    ahead = v2 / speed if speed > 0.0 else -n
+    across = (v1 - v2) @ np.array([-n[1], n[0]])
+    give = 1.0 + 5.0 / 7.0 - ROLLING / (3.5 * SLIDING) * (n @ ahead)
+    push = -(n @ friction + ROLLING * (n @ ahead) + across**2 / (2.0 * RADIUS)) / give
+    a1 = friction + push * n
+    a2 = -5.0 / 7.0 * push * n - ROLLING * (1.0 - push / (3.5 * SLIDING)) * ahead
+    alpha = 2.5 / RADIUS * np.array([friction[1], -friction[0]])
+    return np.concatenate((v1, a1, alpha, v2, a2)), push
+
+
+@pytest.mark.parametrize("angle, spin, duration", [(0.5, 60.0, 0.23), (0.1, 100.0, 0.48), (-1.1, 40.0, 0.11)])
+def test_oblique_push_follows_the_equations_of_motion(angle: float, spin: float, duration: float) -> None:
+    # Integrated by fourth-order Runge-Kutta, until shortly before the push ends.
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    start = np.array([[0.8, 0.6], np.array([0.8, 0.6]) + 2.0 * RADIUS * normal])
+    state = np.concatenate((start[0], [0.0, 0.0], [0.0, spin], start[1], [0.0, 0.0]))
+    steps = 1000
+    h = duration / steps
+    for _ in range(steps):
+        k1, push = pushed_pair_rates(state)
+        assert push > 0.0
+        k2 = pushed_pair_rates(state + 0.5 * h * k1)[0]
+        k3 = pushed_pair_rates(state + 0.5 * h * k2)[0]
+        state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + pushed_pair_rates(state + h * k3)[0])
+    simulation = bs.Simulation(bs.Scene(start, None, [[0.0, spin, 0.0], [0.0, 0.0, 0.0]]))
+    simulation.run(until=duration)
+    expected = state.reshape(5, 2)
+    assert simulation.positions == pytest.approx(expected[[0, 3]], abs=2e-7)
+    assert simulation.velocities == pytest.approx(expected[[1, 4]], abs=2e-6)
+    assert np.abs(simulation.positions - start).max() > 0.005
 
 
 def fine_bounces(spin: float, least: float) -> float:
@@ -116,7 +182,7 @@ def fine_bounces(spin: float, least: float) -> float:
 
 def test_sustained_contact_is_the_limit_of_ever_finer_bounces() -> None:
     spin = 20.0
-    push, acceleration = pressed_pair()
+    push, acceleration = pressed_row(1)
     limit = acceleration * RADIUS * spin / (3.5 * SLIDING - push)
     errors = [abs(fine_bounces(spin, least) - limit) for least in (1e-3, 1e-4, 1e-5)]
     assert errors[0] < 2e-3 and errors[1] < 2e-4 and errors[2] < 2e-5
