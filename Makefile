@@ -1,5 +1,6 @@
 # make demo   break a rack over ROS 2 and watch it
 # make test   every check
+# make soak   tens of thousands of random scenes to rest, with a progress bar; a quarter of an hour
 # make clean  remove what the two have made
 #
 # Needs Python 3.10 or newer with venv; PYTHON=... names another one. Everything else goes into .venv.
@@ -11,7 +12,7 @@ RUN := $(VENV)/bin/python
 # A sourced ROS installation must not mix with the wheels in .venv.
 unexport PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION
 
-.PHONY: demo test clean
+.PHONY: demo test soak clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -27,6 +28,9 @@ test: $(VENV)/.installed-test
 	@NUMBA_DISABLE_JIT=1 $(RUN) -m pytest -q test/engine
 	@echo "== pytest: everything, the engine compiled"
 	@$(RUN) -m pytest -q
+
+soak: $(VENV)/.installed-test
+	@$(RUN) test/engine/soak.py
 
 clean:
 	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

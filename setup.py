@@ -13,7 +13,7 @@ ROS = [
     "pyyaml",
 ]
 FAST = ["numba"]
-PLOT = ["matplotlib"]
+PLOT = ["matplotlib", "tqdm"]
 
 setup(
     name=NAME,
@@ -45,6 +45,7 @@ setup(
             "ruff~=0.17.6",
             "mypy~=2.4",
             "types-PyYAML",
+            "types-tqdm",
             "colcon-common-extensions",
             "colcon-ros",
             "setuptools<80",  # colcon's bound

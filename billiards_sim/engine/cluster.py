@@ -2,9 +2,9 @@
 
 Generalized reflections (Smith, Kaufman, Vouga, Tamstorf and Grinspun, "Reflections on Simultaneous Impact", 2012): all
 contacts that close are stopped together by the smallest impulses that do it, and the same impulses, times the
-restitution, are given once more. That reflects the velocity at the face of what is allowed, so momentum and energy are
-kept and the symmetry of the balls too. Contacts that close after that are reflected in turn, which carries a shock
-through a row of balls, until none closes. The result does not depend on the order of the balls.
+restitution, are given once more. That reflects the velocity at the face of what is allowed, so momentum and, among
+balls, energy are kept, and their symmetry too. Contacts that close after that are reflected in turn, which carries a
+shock through a row of balls, until none closes. The result does not depend on the order of the balls.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ CLOSING_ROUNDING = 1e-14
 
 SHARE_ROUNDING = 4e-16
 """Relative to the same: accuracy of the impulses that are solved together."""
+
+GAIN_ROUNDING = 1e-13
+"""Relative: a bounce that gives this much more than was there is rounding."""
 
 MAX_SWEEPS = 1000
 """Bound on the sweeps of one reflection and on the number of reflections; a rack needs about a hundred and ten."""
@@ -141,6 +144,7 @@ def reflect(state: State, constants: Constants, count: int) -> None:
             row = state.impacts[c]
             closing = _closing(state, row)
             row.share = 0.0 if closing > stopped else -1.0  # -1: not in this reflection
+            row.closing = closing
             top = max(top, closing)
             if closing > stopped and row.approach == 0.0:
                 row.approach = closing
@@ -159,9 +163,34 @@ def reflect(state: State, constants: Constants, count: int) -> None:
                     worst = max(worst, abs(change))
             if worst <= enough:
                 break
-        for c in range(count):
-            row = state.impacts[c]
-            if row.share > 0.0:
-                bounce = 1.0 if row.second >= 0 else constants.restitution
-                _kick(state, row, bounce * row.share)
-                row.impulse += constants.mass * (1.0 + bounce) * row.share
+        _bounce(state, constants, count)
+
+
+@kernel
+def _bounce(state: State, constants: Constants, count: int) -> None:
+    # Give the impulses that stopped the contacts once more, times the restitution.
+    spent = 0.0  # twice the energy per mass that stopping took
+    gained = 0.0  # and that the bounce gives
+    for c in range(count):
+        row = state.impacts[c]
+        if row.share > 0.0:
+            spent += row.share * row.closing
+            _kick(state, row, _restitution(row, constants) * row.share)
+    for c in range(count):
+        row = state.impacts[c]
+        if row.share > 0.0:
+            gained -= _restitution(row, constants) * row.share * _closing(state, row)
+    # Less of it where rails and balls together would give more than was there, as different restitutions can.
+    part = math.sqrt(spent / gained) if gained > spent * (1.0 + GAIN_ROUNDING) else 1.0
+    for c in range(count):
+        row = state.impacts[c]
+        if row.share > 0.0:
+            bounce = _restitution(row, constants) * row.share
+            if part < 1.0:
+                _kick(state, row, (part - 1.0) * bounce)
+            row.impulse += constants.mass * (row.share + part * bounce)
+
+
+@kernel
+def _restitution(row: Impact, constants: Constants) -> float:
+    return 1.0 if row.second >= 0 else constants.restitution

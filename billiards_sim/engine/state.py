@@ -107,6 +107,7 @@ class Impact:
     normal_x: float = 0.0  # unit, from second to first
     normal_y: float = 0.0
     approach: float = 0.0  # m/s, when it first closed
+    closing: float = 0.0  # m/s, at the start of a reflection
     share: float = 0.0  # m/s, what stops it in one reflection
     impulse: float = 0.0  # N s
 

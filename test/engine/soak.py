@@ -1,0 +1,158 @@
+"""Random scenes by the thousand, dense and touching ones among them, each checked against the laws until rest.
+
+python test/engine/soak.py [--scenes 10000] [--breaks 20000]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing import Pool
+
+import numpy as np
+from checks import Extremes, extremes, random_scene
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+import billiards_sim as bs
+
+RADIUS = bs.Physics().radius
+TABLE = bs.Table()
+GAPS = (0.0, 0.0, 1e-9, 1e-7, 1e-5, 1e-4, 5e-4)
+"""m, between the balls of a rack."""
+
+ALLOWED = Extremes(overlap=1e-9, outside=1e-9, energy_rise=1e-12, events=sys.maxsize)
+
+
+def rack(random: np.random.Generator) -> NDArray[np.float64]:
+    """(N, 2) m: a triangle of up to 21 balls, apex towards the first one, which stands free."""
+    rows = int(random.integers(2, 7))
+    pitch = 2.0 * RADIUS + float(random.choice(GAPS))
+    triangle = [
+        (1.5 + 0.5 * math.sqrt(3.0) * pitch * row, 0.6358 + pitch * (place - 0.5 * row))
+        for row in range(rows)
+        for place in range(row + 1)
+    ]
+    return np.array([(random.uniform(0.1, 1.2), random.uniform(0.1, 1.17)), *triangle])
+
+
+def cluster(random: np.random.Generator) -> NDArray[np.float64]:
+    """(N, 2) m: touching balls grown at random on a hexagonal lattice, half of the time against a rail."""
+    steps = [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1)]
+    places = [(0, 0)]
+    for _ in range(int(random.integers(1, 22))):
+        a, b = places[random.integers(len(places))]
+        da, db = steps[random.integers(6)]
+        if (a + da, b + db) not in places:
+            places.append((a + da, b + db))
+    turn = random.uniform(0.0, 2.0 * math.pi) if random.random() < 0.5 else 0.0
+    lattice = np.array([(a + 0.5 * b, 0.5 * math.sqrt(3.0) * b) for a, b in places])
+    spread = (
+        2.0 * RADIUS * (1.0 + 1e-15) * lattice @ [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
+    )
+    low, high = spread.min(axis=0), spread.max(axis=0)
+    least = np.array([TABLE.x_min, TABLE.y_min]) + RADIUS - low
+    most = np.array([TABLE.x_max, TABLE.y_max]) - RADIUS - high
+    offset = random.uniform(least, most)
+    if random.random() < 0.5:
+        offset[0] = most[0]
+    return spread + offset
+
+
+def dense_scene(seed: int) -> bs.Scene:
+    """A rack or a touching cluster of which some balls move or spin."""
+    random = np.random.default_rng(seed)
+    positions = rack(random) if random.random() < 0.5 else cluster(random)
+    count = len(positions)
+    velocities = np.zeros((count, 2))
+    spins = np.zeros((count, 3))
+    for index in {0, *random.integers(0, count, int(random.integers(0, 4))).tolist()}:
+        speed, angle = 10.0 ** random.uniform(-3.0, 1.0), random.uniform(0.0, 2.0 * math.pi)
+        velocities[index] = speed * math.cos(angle), speed * math.sin(angle)
+        spins[index] = random.uniform(-150.0, 150.0, 3) * (random.random() < 0.5)
+    if random.random() < 0.5:  # the first one at the others
+        aim = positions[1:].mean(axis=0) - positions[0] if count > 1 else np.array([1.0, 0.0])
+        velocities[0] = np.hypot(*velocities[0]) * aim / np.hypot(*aim)
+    return bs.Scene(positions, velocities, spins)
+
+
+def run_scene(seed: int) -> Extremes:
+    """Every other scene is dense."""
+    return extremes(dense_scene(seed) if seed % 2 else random_scene(seed, most=22))
+
+
+def run_break(seed: int) -> Extremes:
+    """A break with random speed, aim, english and gaps."""
+    random = np.random.default_rng(seed)
+    scene = bs.scenes.eight_ball(float(random.choice(GAPS)))
+    force, angle = random.uniform(5.0, 200.0), random.uniform(-0.1, 0.1)
+    offset = tuple(random.uniform(-0.45, 0.45, 2) * RADIUS)
+
+    def shoot(simulation: bs.Simulation) -> None:
+        simulation.strike((force * math.cos(angle), force * math.sin(angle), 0.0), offset)
+
+    return extremes(scene, shoot)
+
+
+@dataclass
+class Outcome:
+    seed: int
+    worst: Extremes | None
+    error: str
+    seconds: float
+
+
+def attempt(job: tuple[Callable[[int], Extremes], int]) -> Outcome:
+    run, seed = job
+    began = time.perf_counter()
+    try:
+        worst, error = run(seed), ""
+    except Exception as failure:  # what fails is reported, and the others go on
+        worst, error = None, f"{type(failure).__name__}: {failure}"
+    return Outcome(seed, worst, error, time.perf_counter() - began)
+
+
+def broken_laws(worst: Extremes) -> list[str]:
+    """What a run did more than it may."""
+    limits = vars(ALLOWED)
+    return [f"{name} {value:.3g}" for name, value in vars(worst).items() if value > limits[name]]
+
+
+def soak(name: str, run: Callable[[int], Extremes], count: int) -> bool:
+    """Run `count` seeds, print the worst figures; returns whether every law held."""
+    outcomes = []
+    with Pool(os.cpu_count()) as pool:
+        jobs = pool.imap_unordered(attempt, [(run, seed) for seed in range(count)], chunksize=8)
+        for outcome in tqdm(jobs, total=count, desc=name, unit="run"):
+            outcomes.append(outcome)
+            failure = outcome.error or (outcome.worst and ", ".join(broken_laws(outcome.worst)))
+            if failure:
+                tqdm.write(f"{name} {outcome.seed}: {failure}")
+    ended = [outcome for outcome in outcomes if outcome.worst is not None]
+    figures = {key: max(ended, key=lambda one: vars(one.worst)[key]) for key in vars(ALLOWED)}  # noqa: B023
+    events = sorted(one.worst.events for one in ended)  # type: ignore[union-attr]
+    print(f"{name}: {len(ended)} of {count} came to rest; events median {events[len(events) // 2]}")
+    for key, outcome in figures.items():
+        print(f"  largest {key.replace('_', ' ')}: {vars(outcome.worst)[key]:.3g} (seed {outcome.seed})")
+    print(f"  more than 1000 events: {sum(number > 1000 for number in events)} runs")
+    slowest = max(outcomes, key=lambda one: one.seconds)
+    print(f"  slowest: {slowest.seconds:.2f} s with its checks (seed {slowest.seed})")
+    return len(ended) == count and not any(broken_laws(one.worst) for one in ended)  # type: ignore[arg-type]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=10_000, help="random scenes of 2 to 22 balls (%(default)s)")
+    parser.add_argument("--breaks", type=int, default=20_000, help="random breaks (%(default)s)")
+    given = parser.parse_args()
+    kept = [soak("scene", run_scene, given.scenes), soak("break", run_break, given.breaks)]
+    return 0 if all(kept) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
