@@ -9,6 +9,8 @@ Numba's own switch `NUMBA_DISABLE_JIT=1` selects interpretation where Numba is i
 
 from __future__ import annotations
 
+import importlib
+import sys
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import astuple, fields
@@ -110,5 +112,22 @@ def _drop_stale_cache() -> None:
             pass  # another process was faster, or the directory is read-only
 
 
+def _announce_compiling() -> None:
+    # Numba tells of a compilation only when the cache does not hold its result.
+    event: Any = importlib.import_module("numba.core.event")
+
+    class Announcer(event.Listener):  # type: ignore[misc]
+        def on_start(self, compilation: Any) -> None:
+            if compilation.data["dispatcher"].py_func.__module__.startswith(__package__):
+                event.unregister("numba:compile", self)
+                print("billiards_sim: compiling the engine, about 10 s; it is kept for the next time", file=sys.stderr)
+
+        def on_end(self, compilation: Any) -> None:
+            pass
+
+    event.register("numba:compile", Announcer())
+
+
 if COMPILED:
     _drop_stale_cache()
+    _announce_compiling()

@@ -20,7 +20,6 @@ from visualization_msgs.msg import MarkerArray
 from billiards_sim.command_line import USAGE_ERROR, Parser
 from billiards_sim.engine import scenes
 from billiards_sim.engine.events import Event
-from billiards_sim.engine.jit import COMPILED
 from billiards_sim.engine.scene import Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
@@ -233,8 +232,7 @@ def _serve(node: TableNode) -> None:
 
 def _warm_up(node: TableNode) -> None:
     """Run a break, so that no later tick waits for the compiler."""
-    if COMPILED:
-        node.get_logger().info("preparing the engine: Numba compiles it at the first start, about 10 s")
+    node.get_logger().info("preparing the engine")
     began = time.monotonic()
     simulation = Simulation(scenes.eight_ball())
     simulation.strike((100.0, 1.0, 0.0), (0.005, 0.005))

@@ -35,7 +35,7 @@ def digest() -> str:
     return summary.hexdigest()
 
 
-def in_new_process(code: str, **environment: str) -> str:
+def new_process(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
     run = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": os.pathsep.join((str(HERE), *sys.path)), **environment},
@@ -45,7 +45,21 @@ def in_new_process(code: str, **environment: str) -> str:
         check=False,
     )
     assert run.returncode == 0, run.stderr
-    return run.stdout.strip()
+    return run
+
+
+def in_new_process(code: str, **environment: str) -> str:
+    return new_process(code, **environment).stdout.strip()
+
+
+@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
+def test_a_line_says_what_the_first_run_waits_for(tmp_path: Path) -> None:
+    code = (
+        "from billiards_sim.engine.detection import contact_time, rail_contact_time\n"
+        "rail_contact_time(1.0, 1.0, 0.0, 0.0); contact_time(1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.0)"
+    )
+    assert new_process(code, NUMBA_CACHE_DIR=str(tmp_path)).stderr.count("compiling the engine") == 1
+    assert new_process(code, NUMBA_CACHE_DIR=str(tmp_path)).stderr == ""
 
 
 @pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
