@@ -75,8 +75,8 @@ def dense_scene(seed: int) -> bs.Scene:
         speed, angle = 10.0 ** random.uniform(-3.0, 1.0), random.uniform(0.0, 2.0 * math.pi)
         velocities[index] = speed * math.cos(angle), speed * math.sin(angle)
         spins[index] = random.uniform(-150.0, 150.0, 3) * (random.random() < 0.5)
-    if random.random() < 0.5:  # the first one at the others
-        aim = positions[1:].mean(axis=0) - positions[0] if count > 1 else np.array([1.0, 0.0])
+    if random.random() < 0.5 and count > 1:  # the first one at another
+        aim = positions[random.integers(1, count)] - positions[0]
         velocities[0] = np.hypot(*velocities[0]) * aim / np.hypot(*aim)
     return bs.Scene(positions, velocities, spins)
 
