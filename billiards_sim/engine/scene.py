@@ -57,6 +57,7 @@ class Scene:
         table, physics: default to the paper's.
         name: of the scene, for people.
         shot: a first shot, for whoever runs the scene; a `Simulation` does not play it by itself.
+        track_orientation: whether a `Simulation` keeps `orientations`; it costs time only then.
 
     Raises:
         ValueError: wrong shape, not finite, faster than `SPEED_LIMIT`, duplicate names, balls that overlap or reach
@@ -72,6 +73,7 @@ class Scene:
     physics: Physics
     name: str
     shot: Shot | None
+    track_orientation: bool
 
     def __init__(
         self,
@@ -84,6 +86,7 @@ class Scene:
         *,
         name: str = "",
         shot: Shot | None = None,
+        track_orientation: bool = False,
     ) -> None:
         try:
             count = len(positions)  # type: ignore[arg-type]
@@ -93,6 +96,7 @@ class Scene:
             raise ValueError("a scene needs at least one ball: positions must have shape (N, 2), N >= 1")
         _check_type("table", table, Table)
         _check_type("physics", physics, Physics)
+        _check_type("track_orientation", track_orientation, bool)
         ball_names = _names(names, count)
         values = {
             "positions": _rows("positions", positions, ball_names, 2),
@@ -103,6 +107,7 @@ class Scene:
             "physics": physics,
             "name": name,
             "shot": shot,
+            "track_orientation": track_orientation,
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
@@ -157,6 +162,8 @@ def save_scene(scene: Scene, path: str | Path) -> None:
     if scene.shot is not None:
         shot = scene.shot
         document["shot"] = {"ball": shot.ball, "force": list(shot.force), "offset": list(shot.offset)}
+    if scene.track_orientation:
+        document["track_orientation"] = True
     text = _yaml().safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
     Path(path).write_text(text, encoding="utf-8")
 
@@ -170,7 +177,9 @@ def _yaml() -> Any:
 
 
 def _from_document(document: Any) -> Scene:
-    _check_keys("scene", document, required={"balls"}, optional={"name", "table", "physics", "shot"})
+    _check_keys(
+        "scene", document, required={"balls"}, optional={"name", "table", "physics", "shot", "track_orientation"}
+    )
     balls = document["balls"]
     if not isinstance(balls, list) or not balls:
         raise ValueError(f"balls must be a list of at least one ball, got {balls!r}")
@@ -189,6 +198,7 @@ def _from_document(document: Any) -> Scene:
         physics=from_mapping(Physics, document.get("physics") or {}),
         name=str(document.get("name") or ""),
         shot=shot,
+        track_orientation=document.get("track_orientation", False),
     )
 
 

@@ -187,3 +187,13 @@ def test_random_balls_are_the_same_for_the_same_seed() -> None:
 def test_impossible_count_is_refused(count, complaint) -> None:
     with pytest.raises(ValueError, match=complaint):
         bs.scenes.random_balls(count)
+
+
+def test_file_keeps_whether_orientation_is_tracked(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    for tracked in (True, False):
+        bs.save_scene(bs.Scene([[1.0, 0.5]], track_orientation=tracked), path)
+        assert bs.load_scene(path).track_orientation is tracked
+    path.write_text("balls: [{name: cue, position: [1, 0.5]}]\ntrack_orientation: 3\n")
+    with pytest.raises(ValueError, match="track_orientation must be a bool, got 3"):
+        bs.load_scene(path)
