@@ -452,9 +452,20 @@ def _step_for(ball: Ball, constants: Constants) -> float:
     if across > 0.0:
         turn = min(MAX_TURN, math.sqrt(error / speed)) if speed > 0.0 else MAX_TURN
         step = turn * speed / across
+        if ball.phase == ROLLING:  # on the first MIN_WAY the direction does not matter
+            pull = math.sqrt(ax * ax + ay * ay)
+            step = max(step, 2.0 * MIN_WAY / (speed + math.sqrt(speed * speed + 2.0 * MIN_WAY * pull)))
     if along < 0.0 and speed < -along * 2.0 * step:
         stop = speed / -along
         step = stop if stop <= step else 0.5 * stop
+    return step
+
+
+@kernel
+def _step_for_all(state: State, constants: Constants, count: int) -> float:
+    step = MAX_STEP
+    for k in range(count):
+        step = min(step, _step_for(state.balls[state.members[k].ball], constants))
     return step
 
 
@@ -480,18 +491,22 @@ def update_contacts(state: State, constants: Constants, i: int, now: float) -> N
                 sliding_off = True
     for c in range(contacts):
         state.contacts[c].first_push = state.contacts[c].push
-    step = MAX_STEP
-    for k in range(count):
-        step = min(step, _step_for(balls[state.members[k].ball], constants))
+    step = _step_for_all(state, constants, count)
     for c in range(contacts):
         turning = _turning_rate(state, state.contacts[c], constants)
         while turning * step * step * step > MAX_STRAY:
             step *= 0.5
-    step = max(step, MIN_STEP)
-    for k in range(count):
-        _set_direction(balls[state.members[k].ball], 0.5 * step, constants)
-    _set_normals(state, contacts, 0.5 * step)
-    _solve_pushes(state, constants, contacts, count, step if step >= SHORT_STEP else 0.0)
+    solved = False
+    while not solved:
+        step = max(step, MIN_STEP)
+        for k in range(count):
+            _set_direction(balls[state.members[k].ball], 0.5 * step, constants)
+        _set_normals(state, contacts, 0.5 * step)
+        _solve_pushes(state, constants, contacts, count, step if step >= SHORT_STEP else 0.0)
+        allowed = _step_for_all(state, constants, count)
+        solved = allowed >= 0.5 * step or step == MIN_STEP  # else a direction turns once the ball sets off
+        if not solved:
+            step = allowed
     for k in range(count):
         ball = balls[state.members[k].ball]
         ball.phase_end = now + step

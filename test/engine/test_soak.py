@@ -26,3 +26,8 @@ def test_breaks_of_every_kind_keep_the_laws_until_rest(first: int) -> None:
 def test_clusters_at_a_rail_gain_no_energy(seed: int) -> None:
     # Rails give less back than balls do; solved together they would give more than was there.
     assert broken_laws(run_scene(seed)) == []
+
+
+def test_ball_that_hardly_moves_sets_off_without_pressing_into_its_neighbour() -> None:
+    # Pushed, nearly at rest: its direction turns within the step.
+    assert broken_laws(run_break(13482)) == []
