@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
@@ -204,19 +204,29 @@ class SteppedSolver(ABC):
             ValueError: `until` is not finite or has passed; or, without it, the balls never rest.
             SchemeError: the scheme cannot go on.
         """
+        for _ in self.steps(until):
+            pass
+        events, self._events = self._events, []
+        return events
+
+    def steps(self, until: float | None = None) -> Iterator[None]:
+        """Go on as `run` does, with a stop after each step for a look at the state; the next `run` returns the events.
+
+        Raises:
+            ValueError, SchemeError: as `run`.
+        """
         if until is None:
             self._check_it_ends()
             while not self.at_rest:
                 self._step(self._time_step)
+                yield
         else:
             if not (math.isfinite(until) and until >= self._time - self._overshoot):
                 raise ValueError(f"until must be a finite time >= now, {self._time:.9g} s, got {until!r}")
-            self._run_until(until)
-        events, self._events = self._events, []
-        return events
+            yield from self._steps_until(until)
 
     @abstractmethod
-    def _run_until(self, until: float) -> None: ...
+    def _steps_until(self, until: float) -> Iterator[None]: ...
 
     @abstractmethod
     def _check_it_ends(self) -> None:
@@ -399,9 +409,10 @@ class PaperSolver(SteppedSolver):
         self._time = -time_step
         self._overshoot = time_step
 
-    def _run_until(self, until: float) -> None:
+    def _steps_until(self, until: float) -> Iterator[None]:
         while self._time < until:
             self._step(self._time_step)
+            yield
 
     def _check_it_ends(self) -> None:
         raise ValueError("the balls of the paper's scheme never rest: give run() a time `until`")
@@ -449,9 +460,10 @@ class TimeStepSolver(SteppedSolver):
     it within the step. `run(until)` shortens its last step to end at that time.
     """
 
-    def _run_until(self, until: float) -> None:
+    def _steps_until(self, until: float) -> Iterator[None]:
         while self._time < until:
             self._step(min(self._time_step, until - self._time))
+            yield
         self._time = until
 
     def _check_it_ends(self) -> None:
