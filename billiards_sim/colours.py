@@ -18,6 +18,12 @@ NUMBERED = (
 )
 """Of the balls 1 to 8; 9 to 15 repeat 1 to 7."""
 
+STRIPE = 0.5
+"""Half the width of a stripe, in radii."""
+
+DISC = 0.42
+"""Radius of the white disc that bears the number, in radii."""
+
 
 def ball_colour(name: str) -> tuple[float, float, float]:
     """Colour of a ball by its name: pool's for "1" to "15" and "cue"."""
@@ -26,3 +32,8 @@ def ball_colour(name: str) -> tuple[float, float, float]:
     if name.isascii() and name.isdigit() and 1 <= int(name) <= 15:
         return NUMBERED[(int(name) - 1) % 8]
     return UNNUMBERED
+
+
+def is_striped(name: str) -> bool:
+    """Whether a ball is a stripe, "9" to "15": white with a band of its colour."""
+    return name.isascii() and name.isdigit() and 9 <= int(name) <= 15

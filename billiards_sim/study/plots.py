@@ -1,64 +1,68 @@
-"""Pictures of a run: the table from above, to scale, with the balls' paths.
-
-`python3 -m billiards_sim.study.plots F.png` draws an eight-ball break.
-"""
+"""Pictures of a run: the table from above, to scale, with the balls' paths and contacts."""
 
 from __future__ import annotations
 
-import argparse
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, PathPatch, Rectangle
+from matplotlib.textpath import TextPath
+from matplotlib.transforms import Affine2D
 
-from billiards_sim.colours import WOOD, ball_colour
-from billiards_sim.engine import scenes
-from billiards_sim.engine.simulation import Simulation
+from billiards_sim.colours import DISC, STRIPE, WOOD, ball_colour, is_striped
+from billiards_sim.engine.events import Event
 from billiards_sim.engine.table import Table
-
-PATH_STEP = 0.001
-"""s between two points of a path: at 8 m/s corners are cut by less than 8 mm, half a line's width on paper."""
+from billiards_sim.study.recording import Recording
+from billiards_sim.study.time_stepping import Array
 
 CLOTH = (0.55, 0.76, 0.66)
 """Paler than cloth is, so that green, black and white paths can all be told from it."""
 
-BREAK_FORCE = (128.0, 1.5, 0.0)
-"""N. 8 m/s with the default physics, a little off the centre of the rack: an ordinary break."""
+WIDTH = 11.0
+"""in. Width of a picture; its height follows the table's, between `HEIGHTS`."""
+
+HEIGHTS = (4.0, 11.0)
+"""in. Shortest and tallest picture."""
+
+MARGINS = (0.8, 1.4)
+"""in. About what axis labels, title and legend take of the width and of the height."""
+
+RESOLUTION = 150
+"""Pixels an inch: numbers on the balls can be read where the picture is shown at full width."""
+
+LONGEST_NUMBER = 3
+"""Characters of a name that fit on a ball; a longer one stands above it."""
+
+CONTACTS = {"ball_ball": ("o", "contact of two balls"), "ball_rail": ("D", "contact with a rail")}
+"""Marker and legend of contacts, by kind of event."""
 
 
-def draw_run(simulation: Simulation, path: Path, title: str = "") -> None:
-    """Run a simulation to rest and draw it: start positions pale, end positions full, paths between.
+def draw_run(recording: Recording, path: Path, title: str = "") -> None:
+    """Draw a run from above: start positions pale, end positions full, paths between, contacts marked.
 
     Args:
-        simulation: at its start, a shot played if the scene rests.
-        path: of the picture; the ending gives the format.
+        path: of the picture; its ending gives the format.
+
+    Raises:
+        OSError: the file cannot be written.
     """
-    scene = simulation.scene
-    radius = scene.physics.radius
-    frames = [simulation.positions]
-    while not simulation.at_rest:
-        simulation.advance(PATH_STEP)
-        frames.append(simulation.positions)
-    track = np.array(frames)
-    figure, axes = plt.subplots(figsize=(11.0, 6.0), layout="constrained")
+    scene = recording.scene
+    figure = Figure(figsize=_size(scene.table), layout="constrained")
+    axes = figure.subplots()
     draw_table(axes, scene.table)
-    for index, name in enumerate(scene.names):
-        colour = ball_colour(name)
-        axes.plot(*track[:, index].T, color=colour, linewidth=1.3, zorder=2)
-        axes.add_patch(Circle(track[0, index], radius, facecolor=colour, alpha=0.3, zorder=3))
-    for index, name in enumerate(scene.names):
-        _draw_ball(axes, track[-1, index], radius, name)
+    _draw_paths(axes, recording)
+    _draw_contacts(axes, recording.events)
+    for name, position in zip(scene.names, recording.end.positions, strict=True):
+        draw_ball(axes, position, scene.physics.radius, name)
     axes.set_title(title)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    figure.legend(handles=_legend(), loc="outside lower center", ncols=6, frameon=False)
+    figure.savefig(path, dpi=RESOLUTION)
 
 
 def draw_table(axes: Axes, table: Table) -> None:
@@ -67,37 +71,75 @@ def draw_table(axes: Axes, table: Table) -> None:
     axes.add_patch(Rectangle((0.0, 0.0), *outer, facecolor=WOOD, zorder=0))
     nose = (table.x_min, table.y_min)
     axes.add_patch(Rectangle(nose, table.length, table.width, facecolor=CLOTH, zorder=1))
-    axes.set_xlim(-0.02, outer[0] + 0.02)
-    axes.set_ylim(-0.02, outer[1] + 0.02)
+    margin = 0.01 * max(outer)
+    axes.set_xlim(-margin, outer[0] + margin)
+    axes.set_ylim(-margin, outer[1] + margin)
     axes.set_aspect("equal")
 
 
-def _draw_ball(axes: Axes, centre: np.ndarray, radius: float, name: str) -> None:
-    colour = ball_colour(name)
-    stripe = name.isdigit() and int(name) > 8
-    edge = (0.0, 0.0, 0.0)
-    face = (1.0, 1.0, 1.0) if stripe else colour
-    disc = Circle((centre[0], centre[1]), radius, facecolor=face, edgecolor=edge, linewidth=0.6, zorder=4)
-    axes.add_patch(disc)
-    if stripe:
-        corner = (centre[0] - radius, centre[1] - 0.55 * radius)
-        band = Rectangle(corner, 2.0 * radius, 1.1 * radius, facecolor=colour, zorder=5)
+def draw_ball(axes: Axes, centre: Array, radius: float, name: str) -> None:
+    """A pool ball with its number up."""
+    x, y = centre.tolist()
+    striped = is_striped(name)
+    face = (1.0, 1.0, 1.0) if striped else ball_colour(name)
+    ball = Circle((x, y), radius, facecolor=face, edgecolor="black", linewidth=0.6, zorder=5)
+    axes.add_patch(ball)
+    if striped:
+        corner = (x - radius, y - STRIPE * radius)
+        band = Rectangle(corner, 2.0 * radius, 2.0 * STRIPE * radius, facecolor=ball_colour(name), zorder=6)
         axes.add_patch(band)
-        band.set_clip_path(disc)
-    if name != "cue":
-        axes.add_patch(Circle((centre[0], centre[1]), 0.45 * radius, facecolor="white", zorder=6))
-        axes.text(centre[0], centre[1], name, ha="center", va="center_baseline", fontsize=5.5, zorder=7)
+        band.set_clip_path(ball)
+    if len(name) > LONGEST_NUMBER:
+        paper = {"facecolor": "white", "alpha": 0.7, "linewidth": 0.0, "pad": 1.0}
+        axes.text(x, y + 1.3 * radius, name, ha="center", va="bottom", fontsize=8.0, bbox=paper, zorder=9)
+    elif name != "cue":
+        axes.add_patch(Circle((x, y), DISC * radius, facecolor="white", zorder=7))
+        _draw_name(axes, x, y, DISC * radius, name)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description="Draw an eight-ball break at 8 m/s from the engine.")
-    parser.add_argument("picture", type=Path, help="where to write it, for instance break.png")
-    simulation = Simulation(scenes.eight_ball())
-    simulation.strike(BREAK_FORCE)
-    title = "Eight-ball break at 8 m/s: paths, start (pale) and end positions"
-    draw_run(simulation, parser.parse_args().picture, title)
-    return 0
+def _draw_name(axes: Axes, x: float, y: float, radius: float, name: str) -> None:
+    # As a shape of the table's size, not as text of the page's: it fits the disc on every table.
+    text = TextPath((0.0, 0.0), name, size=1.0, prop=FontProperties(weight="bold"))
+    box = text.get_extents()
+    scale = min(1.25 * radius / box.height, 1.75 * radius / float((box.width**2 + box.height**2) ** 0.5))
+    middle = (0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1))
+    place = Affine2D().translate(-middle[0], -middle[1]).scale(scale).translate(x, y)
+    axes.add_patch(PathPatch(text.transformed(place), facecolor="black", linewidth=0.0, zorder=8))
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _draw_paths(axes: Axes, recording: Recording) -> None:
+    radius = recording.scene.physics.radius
+    path = recording.path()
+    for index, name in enumerate(recording.scene.names):
+        style = (0, (4.0, 1.0)) if is_striped(name) else "solid"
+        axes.plot(*path[:, index].T, color=ball_colour(name), linewidth=1.5, linestyle=style, zorder=2)
+        start = recording.start.positions[index].tolist()
+        face, edge = (*ball_colour(name), 0.3), (0.0, 0.0, 0.0, 0.3)
+        axes.add_patch(Circle(start, radius, facecolor=face, edgecolor=edge, linewidth=0.6, zorder=3))
+
+
+def _draw_contacts(axes: Axes, events: Sequence[Event]) -> None:
+    for kind in CONTACTS:
+        points = [event.point for event in events if event.kind == kind]
+        axes.add_line(_contact_marks(kind, points))
+
+
+def _contact_marks(kind: str, points: Sequence[tuple[float, float]]) -> Line2D:
+    x, y = [point[0] for point in points], [point[1] for point in points]
+    marker, label = CONTACTS[kind]
+    marks = Line2D(x, y, linestyle="none", marker=marker, markersize=3.0, label=label, zorder=6.5)
+    marks.set(markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.7)
+    return marks
+
+
+def _legend() -> list[Line2D]:
+    start = Line2D([], [], linestyle="none", marker="o", markersize=10.0, color="0.8", label="start")
+    end = Line2D([], [], linestyle="none", marker="o", markersize=10.0, color="0.5", label="end")
+    end.set(markeredgecolor="black", markeredgewidth=0.6)
+    return [start, end, *(_contact_marks(kind, ()) for kind in CONTACTS)]
+
+
+def _size(table: Table) -> tuple[float, float]:
+    outer = (table.length + 2.0 * table.rail_thickness, table.width + 2.0 * table.rail_thickness)
+    height = (WIDTH - MARGINS[0]) * outer[1] / outer[0] + MARGINS[1]
+    return WIDTH, min(max(height, HEIGHTS[0]), HEIGHTS[1])
