@@ -13,7 +13,7 @@ ROS = [
     "pyyaml",
 ]
 FAST = ["numba"]
-PLOT = ["matplotlib", "tqdm"]
+PLOT = ["matplotlib", "tqdm", "pillow>=10.1", "imageio-ffmpeg"]
 
 setup(
     name=NAME,
@@ -58,6 +58,7 @@ setup(
             "table = billiards_sim.__main__:table",
             "shoot = billiards_sim.__main__:shoot",
             "demo = billiards_sim.__main__:demo",
+            "simulate = billiards_sim.__main__:simulate",
         ],
     },
 )

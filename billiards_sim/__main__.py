@@ -25,6 +25,7 @@ EXECUTABLES = {
     "table": Executable("billiards_sim.ros.table_node", "the ROS 2 node: a table to shoot on", needs_ros=True),
     "shoot": Executable("billiards_sim.ros.shoot", "send the table one cue shot and print its verdict", needs_ros=True),
     "demo": Executable("billiards_sim.ros.demo", "break an eight-ball rack over ROS 2 and print it", needs_ros=True),
+    "simulate": Executable("billiards_sim.study.simulate", "run a scene without ROS: numbers, pictures, movies"),
 }
 
 
@@ -60,6 +61,10 @@ def shoot() -> int:
 
 def demo() -> int:
     return run("demo", sys.argv[1:])
+
+
+def simulate() -> int:
+    return run("simulate", sys.argv[1:])
 
 
 def main() -> int:

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from conftest import Site
 
-EXECUTABLES = ("table", "shoot", "demo")
+ROS_EXECUTABLES = ("table", "shoot", "demo")
+EXECUTABLES = (*ROS_EXECUTABLES, "simulate")
 
 
 def assert_one_line(text: str, start: str) -> None:
@@ -31,7 +32,7 @@ def test_help(site: Site, arguments: tuple) -> None:
     assert process.stderr == ""
 
 
-@pytest.mark.parametrize("name", EXECUTABLES)
+@pytest.mark.parametrize("name", ROS_EXECUTABLES)
 def test_without_rclpy_one_line_says_what_to_install(site: Site, tmp_path: Path, name: str) -> None:
     (tmp_path / "rclpy").mkdir()
     (tmp_path / "rclpy" / "__init__.py").write_text("raise ModuleNotFoundError(\"No module named 'rclpy'\")")
@@ -60,6 +61,8 @@ BAD_STARTS = [
     ("shoot", "--force", "80", "0", "--ros-args", "--no-such-flag"),
     ("demo", "--timeout", "soon"),
     ("demo", "now"),
+    ("simulate", "nine_ball"),
+    ("simulate", "head_on", "--solver", "euler"),
 ]
 
 

@@ -52,7 +52,7 @@ def test_share_holds_the_configuration_and_the_marker(prefix: Path) -> None:
 
 
 def test_every_executable_is_where_ros2_run_looks(prefix: Path) -> None:
-    for name in ("table", "shoot", "demo"):
+    for name in ("table", "shoot", "demo", "simulate"):
         assert os.access(prefix / "lib" / "billiards_sim" / name, os.X_OK)
 
 

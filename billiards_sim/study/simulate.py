@@ -1,0 +1,273 @@
+"""The executable `simulate`: runs a scene without ROS and writes numbers, a picture or a movie of it."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib
+import json
+import signal
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.engine.scene import Scene, Shot, load_scene
+from billiards_sim.engine.scenes import BUILT_IN
+from billiards_sim.engine.simulation import StallError
+from billiards_sim.study.recording import Recording, record
+from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, SchemeError
+
+FAILED = 1
+"""Exit code of a run that its solver could not finish, or that was stopped."""
+
+SAMPLE = 0.01
+"""s between two times of a table."""
+
+PICTURES = (".png", ".svg", ".pdf")
+MOVIES = {".mp4": ("PIL", "tqdm", "imageio_ffmpeg"), ".gif": ("PIL", "tqdm")}
+"""Endings of movies, with the modules that they need."""
+
+PACKAGES = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}
+"""What pip calls a module, where its name is another."""
+
+COLUMNS = ("time", "ball", "x", "y", "vx", "vy", "wx", "wy", "wz")
+
+DESCRIPTION = """Run a scene to rest, or to a time, and write what was asked for. A shot of the scene is played first.
+Exit code 0: done; 1: the solver cannot go on; 2: bad arguments, or a file that cannot be read or written.
+JSON and CSV have as many digits, up to 17, as it takes to read back the same numbers, in SI units."""
+
+
+class Refusal(Exception):
+    """What was asked for cannot be done; the text is one line for the user."""
+
+
+def main(arguments: list[str]) -> int:
+    """Simulate once; returns the exit code."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    options = _parser().parse_args(arguments)
+    try:
+        _simulate(options)
+    except Refusal as refusal:
+        print(f"simulate: {refusal}", file=sys.stderr)
+        return USAGE_ERROR
+    except (SchemeError, StallError) as error:
+        print(f"simulate: {options.solver} cannot go on: {_one_line(error)}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print("simulate: stopped", file=sys.stderr)
+        return FAILED
+    return 0
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="simulate", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", metavar="SCENE", help=f"a scene file, or one of {', '.join(BUILT_IN)}")
+    parser.add_argument(
+        "--force",
+        nargs=2,
+        type=float,
+        metavar=("FX", "FY"),
+        help="hit the ball cue with this force, N, instead of the scene's shot",
+    )
+    parser.add_argument(
+        "--offset",
+        nargs=2,
+        type=float,
+        metavar=("SIDE", "UP"),
+        help="with --force: where the tip hits, m from the centre of the ball seen along the force (0 0)",
+    )
+    parser.add_argument(
+        "--solver",
+        choices=SOLVERS,
+        default="event",
+        help="event: exact, the default; time_step: the paper's scheme put right; paper: as it is, and needs --until",
+    )
+    parser.add_argument(
+        "--time-step",
+        type=positive_seconds,
+        default=TIME_STEP,
+        metavar="DT",
+        help=f"s, of time_step and paper ({TIME_STEP:g})",
+    )
+    parser.add_argument("--until", type=positive_seconds, metavar="T", help="end at this time, s; default: at rest")
+    parser.add_argument("--json", type=Path, metavar="F", help="write the end and all events")
+    parser.add_argument("--csv", type=Path, metavar="F", help="write the state of every ball over time")
+    parser.add_argument(
+        "--sample",
+        type=positive_seconds,
+        default=SAMPLE,
+        metavar="DT",
+        help=f"s between the times of --csv ({SAMPLE:g}); time_step and paper write each of their steps",
+    )
+    parser.add_argument("--plot", type=Path, metavar="F.png", help=f"draw paths and contacts ({', '.join(PICTURES)})")
+    parser.add_argument(
+        "--movie", type=Path, metavar="F.mp4", help=f"film it, 30 frames a second ({', '.join(MOVIES)})"
+    )
+    return parser
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    _check_outputs(options)
+    scene = _scene(options)
+    recording = _record(scene, options)
+    _print_summary(recording, options)
+    for option, write in (("json", _write_json), ("csv", _write_csv), ("plot", _draw), ("movie", _film)):
+        path = getattr(options, option)
+        if path is not None:
+            try:
+                write(recording, path, options)
+            except OSError as error:
+                raise Refusal(f"--{option}: cannot write {str(path)!r}: {_reason(error)}") from None
+            print(f"  wrote           {path}", flush=True)
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Refuse what could not be written, before any long computing."""
+    paths = {name: getattr(options, name) for name in ("json", "csv", "plot", "movie") if getattr(options, name)}
+    for index, (option, path) in enumerate(paths.items()):
+        if path.is_dir():
+            raise Refusal(f"--{option}: {str(path)!r} is a directory")
+        if not path.parent.is_dir():
+            raise Refusal(f"--{option}: cannot write {str(path)!r}: no directory {str(path.parent)!r}")
+        if path in list(paths.values())[:index]:
+            raise Refusal(f"--{option}: {str(path)!r} is written by another option, too")
+    if options.plot is not None:
+        _check_ending("plot", options.plot, PICTURES)
+        _check_installed("--plot", ["matplotlib"])
+    if options.movie is not None:
+        ending = _check_ending("movie", options.movie, list(MOVIES))
+        _check_installed("--movie", MOVIES[ending])
+        if ending == ".mp4":
+            _check_ffmpeg()
+
+
+def _check_ending(option: str, path: Path, known: Sequence[str]) -> str:
+    ending = path.suffix.lower()
+    if ending not in known:
+        raise Refusal(f"--{option}: {str(path)!r} must end in {' or '.join(known)}")
+    return ending
+
+
+def _check_installed(option: str, modules: Sequence[str]) -> None:
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except ImportError:
+            package = PACKAGES.get(module, module)
+            raise Refusal(f"{option} needs {package}: pip install 'billiards_sim[plot]'") from None
+
+
+def _check_ffmpeg() -> None:
+    try:
+        importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe()
+    except RuntimeError as error:
+        raise Refusal(f"--movie: {_one_line(error)}") from None
+
+
+def _scene(options: argparse.Namespace) -> Scene:
+    name = options.scene
+    if name in BUILT_IN:
+        scene = BUILT_IN[name]()
+    else:
+        if not Path(name).exists():
+            raise Refusal(f"SCENE {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
+        try:
+            scene = load_scene(name)
+        except ImportError:
+            raise Refusal(f"scene file {name!r} needs PyYAML: pip install pyyaml, or 'billiards_sim[ros]'") from None
+        except OSError as error:
+            raise Refusal(f"cannot read {name!r}: {_reason(error)}") from None
+        except UnicodeError as error:
+            raise Refusal(f"cannot read {name!r}: {error}") from None
+        except ValueError as error:
+            raise Refusal(_one_line(error)) from None
+    if options.force is None:
+        if options.offset is not None:
+            raise Refusal("--offset needs --force")
+        return scene
+    try:
+        return replace(scene, shot=Shot((*options.force, 0.0), options.offset or (0.0, 0.0)))
+    except ValueError as error:
+        raise Refusal(f"--force or --offset: {error}") from None
+
+
+def _record(scene: Scene, options: argparse.Namespace) -> Recording:
+    if options.until is None:
+        physics = scene.physics
+        if options.solver == "paper":
+            raise Refusal("--solver paper needs --until: its balls never rest")
+        if 0.0 in (physics.sliding_friction, physics.rolling_friction):
+            raise Refusal(
+                f"a scene with sliding_friction {physics.sliding_friction:g} and rolling_friction "
+                f"{physics.rolling_friction:g} needs --until: its balls may never rest"
+            )
+    try:
+        return record(scene, options.solver, options.time_step, options.until)
+    except ValueError as error:
+        raise Refusal(f"{options.scene}: {_one_line(error)}") from None
+
+
+def _write_json(recording: Recording, path: Path, options: argparse.Namespace) -> None:
+    document = {
+        "scene": options.scene,
+        "solver": options.solver,
+        **({} if options.solver == "event" else {"time_step": options.time_step}),
+        "time": recording.end.time,
+        "names": recording.scene.names,
+        "positions": recording.end.positions.tolist(),
+        "velocities": recording.end.velocities.tolist(),
+        "angular_velocities": recording.end.angular_velocities.tolist(),
+        "events": [asdict(event) for event in recording.events],
+        "wall_seconds": recording.wall_seconds,
+    }
+    path.write_text(json.dumps(document) + "\n", encoding="utf-8")
+
+
+def _write_csv(recording: Recording, path: Path, options: argparse.Namespace) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        for state in recording.samples(options.sample):
+            balls = (recording.scene.names, state.positions, state.velocities, state.angular_velocities)
+            for name, position, velocity, spin in zip(*balls, strict=True):
+                table.writerow((state.time, name, *position.tolist(), *velocity.tolist(), *spin.tolist()))
+
+
+def _draw(recording: Recording, path: Path, options: argparse.Namespace) -> None:
+    from billiards_sim.study.plots import draw_run
+
+    title = recording.scene.name or Path(options.scene).stem
+    draw_run(recording, path, f"{title}, {recording.end.time:.4g} s, solver {options.solver}")
+
+
+def _film(recording: Recording, path: Path, options: argparse.Namespace) -> None:
+    from billiards_sim.study.movie import write_movie
+
+    write_movie(recording, path)
+
+
+def _print_summary(recording: Recording, options: argparse.Namespace) -> None:
+    counts = Counter(event.kind for event in recording.events)
+    kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+    step = "" if options.solver == "event" else f", time step {options.time_step:g} s"
+    balls = len(recording.scene)
+    print(f"simulate: {options.scene}, {balls} ball{'s' * (balls > 1)}")
+    print(f"  solver          {options.solver}{step}")
+    print(f"  simulated time  {recording.end.time:.6g} s, {'at rest' if recording.at_rest else 'balls still move'}")
+    print(f"  events          {len(recording.events)}{': ' if kinds else ''}{kinds}")
+    print(f"  wall time       {recording.wall_seconds:.3g} s")
+    if recording.at_rest and not recording.events:
+        print("  nothing moved: the scene has no shot; --force FX FY hits the ball cue")
+    sys.stdout.flush()
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or _one_line(error)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
