@@ -9,6 +9,8 @@ balls) or 2 (ball and rail). Each root is found twice, by isolation between the 
 
     make_exact_scenes.py OUT.json                 solve the scenes below and write them
     make_exact_scenes.py --verify FILE.json       solve a file's scenes again and print the largest differences
+    make_exact_scenes.py --truth OUT.json         solve the scenes that `benchmark` measures errors against, and write
+                                                  what it needs of them: billiards_sim/study/truth.json
 """
 
 from __future__ import annotations
@@ -31,6 +33,9 @@ SMALLEST_GAP = "1e-6"  # s: events closer than this have no order that a float64
 MOST_EVENTS = 300  # a scene that has more bounces infinitely often in a finite time: out of scope here
 SNAPSHOTS = ("0.5", "1.0", "2.0", "3.0", "5.0")
 FINAL_TIME = "5"
+TRUTH_DIGITS = (60, 90)  # the benchmark's scenes are solved with both, because a break magnifies errors
+TRUTH_AGREEMENT = "1e-20"  # m, between these two solutions: what is written is right to its last digit
+TRUTH_TIMES = ("0.5", "1", "2", "5")  # s
 DEFAULT_CONSTANTS: dict[str, Any] = {
     "R": "0.028575",
     "m": "0.16",
@@ -155,6 +160,40 @@ SCENES = (
             "inner_bounds": {"x": ["0.0508", "2.5908"], "y": ["0.0508", "1.3208"]},
         },
     ),
+)
+
+
+def break_balls() -> tuple[str, ...]:
+    """Return an eight-ball rack and the cue ball as a shot of (128, 3.8) N for 10 ms on the head spot leaves it.
+
+    Neighbours in the rack are 0.1 mm apart; its apex is on the foot spot. The cue ball meets the apex ball 33 mm off
+    its centre: in fuller hits a ball comes to rest in bounces without end against another, out of scope here.
+    """
+    numbers = ((1,), (9, 2), (10, 8, 3), (11, 4, 12, 5), (6, 13, 7, 14, 15))
+    with mp.workdps(DIGITS):
+        pitch = 2 * mpf(DEFAULT_CONSTANTS["R"]) + mpf("0.0001")
+        balls = {0: "0.6758 0.6369875  8 0.2375"}
+        for row, names in enumerate(numbers):
+            for place, ball in enumerate(names):
+                x = mpf("1.8058") + row * mp.sqrt(3) / 2 * pitch
+                y = mpf("0.6358") + (place - mpf(row) / 2) * pitch
+                balls[ball] = f"{mp.nstr(x, 17)} {mp.nstr(y, 17)}"
+    return tuple(balls[ball] for ball in sorted(balls))
+
+
+def spec_named(name: str) -> SceneSpec:
+    """Return one of `SCENES`."""
+    return next(spec for spec in SCENES if spec.name == name)
+
+
+TRUTH_SCENES = (
+    SceneSpec("head_on", "the paper's scene 1: head-on at 5 m/s", ("0.3 0.5  5 0", "1 0.5")),
+    SceneSpec("glancing", "the paper's scene 2: as scene 1, 10 mm off the line of centres", ("0.3 0.49  5 0", "1 0.5")),
+    SceneSpec("draw", "draw shot: backspin brings the cue ball back", ("0.6 0.6358  3 0  0 -80 0", "1 0.6358")),
+    SceneSpec("curve", "curved shot: the spin bends the path", ("0.5 0.4  2.5 0.3  -70 20 15", "1.13 0.545")),
+    replace(spec_named("three_rail_bank"), name="bank"),
+    spec_named("four_random"),
+    SceneSpec("break", "eight-ball break at 8 m/s, 1.7 degrees off the axis", break_balls()),
 )
 
 
@@ -562,6 +601,62 @@ def scene_record(spec: SceneSpec) -> dict[str, Any]:
     return record | ({"constants": constants} if spec.constants else {})
 
 
+def kinetic_energy(constants: dict[str, Any], balls: Sequence[Ball]) -> mpf:
+    """Return the energy of all balls, linear and rotational, J."""
+    mass, radius = mpf(constants["m"]), mpf(constants["R"])
+    squares = [sum(v * v for v in ball.velocity) + radius**2 * sum(w * w for w in ball.spin) * 2 / 5 for ball in balls]
+    return mass * sum(squares) / 2
+
+
+def truth_record(spec: SceneSpec) -> dict[str, Any]:
+    """Solve a scene of the benchmark; return its JSON record.
+
+    Raises:
+        ArithmeticError: the solutions with the two numbers of digits differ.
+    """
+    constants, initial = DEFAULT_CONSTANTS, spec.initial()
+    solutions = []
+    for digits in TRUTH_DIGITS:
+        with mp.workdps(digits):
+            solutions.append(solve(constants, [[mpf(x) for x in ball] for ball in initial], TRUTH_TIMES))
+    rough, exact = solutions
+    with mp.workdps(TRUTH_DIGITS[-1]):
+        rounded = solve(constants, [[as_double(x) for x in ball] for ball in initial], TRUTH_TIMES, as_double)
+
+        def instants(solution: Solution) -> dict[str, list[Ball]]:
+            return {**{time: solution.snapshots[time] for time in TRUTH_TIMES}, "rest": solution.at_rest}
+
+        for time, balls in instants(exact).items():
+            if largest_shift(balls, instants(rough)[time]) > mpf(TRUTH_AGREEMENT):
+                raise ArithmeticError(f"{spec.name}: {TRUTH_DIGITS} digits differ at {time}: use more")
+        return {
+            "name": spec.name,
+            "description": spec.description,
+            "initial": initial,
+            "rest_time": mp.nstr(exact.rest_time, 20),
+            "initial_energy": mp.nstr(kinetic_energy(constants, [sliding_start(constants, b) for b in initial]), 20),
+            "states": {
+                time: {
+                    "positions": [[mp.nstr(x, 20) for x in ball.position] for ball in balls],
+                    "energy": mp.nstr(kinetic_energy(constants, balls), 20),
+                    "rounding": mp.nstr(largest_shift(balls, instants(rounded)[time]), 3),
+                }
+                for time, balls in instants(exact).items()
+            },
+            "collisions": [
+                [mp.nstr(event["t"], 20), event["balls"], event.get("rail")]
+                for event in exact.events
+                if event["type"] in ("ball-ball", "rail")
+            ],
+        }
+
+
+def sliding_start(constants: dict[str, Any], ball: Sequence[str]) -> Ball:
+    """Return the motion of a ball from its seven initial decimals."""
+    b = [mpf(x) for x in ball]
+    return sliding(Physics.read(constants, mpf), mpf(0), (b[0], b[1]), (b[2], b[3]), (b[4], b[5], b[6]))
+
+
 def spec_from_record(record: dict[str, Any], constants: dict[str, Any]) -> SceneSpec:
     """Return what a scene of a file asks to solve."""
     balls = tuple(
@@ -603,16 +698,37 @@ def verify(path: str) -> None:
         print(f"{record['name']:24} {len(record['events']):6}  {same!s:5} {times} {states}")
 
 
+def truth_document() -> dict[str, Any]:
+    """Solve the benchmark's scenes; return the content of the file."""
+    return {
+        "format": 'decimal strings, SI units; "initial": x y vx vy wx wy wz of each ball, exact; "rounding": m, how far '
+        "the balls move when initial values and constants are rounded to double; a collision: time, balls, rail",
+        "constants": DEFAULT_CONSTANTS,
+        "scenes": [truth_record(spec) for spec in TRUTH_SCENES],
+    }
+
+
+def write(path: str, document: dict[str, Any]) -> None:
+    """Write JSON."""
+    with open(path, "w", encoding="utf-8") as file:
+        json.dump(document, file, indent=1)
+        file.write("\n")
+
+
 def main() -> None:
     """Write the scenes, or verify a file of them."""
     parser = argparse.ArgumentParser(description="Solve reference scenes in multiprecision arithmetic.")
     target = parser.add_mutually_exclusive_group(required=True)
     target.add_argument("output", nargs="?", help="JSON file to write")
     target.add_argument("--verify", metavar="FILE", help="JSON file whose scenes to solve again")
+    target.add_argument("--truth", metavar="FILE", help="JSON file to write for the benchmark")
     arguments = parser.parse_args()
     mp.mp.dps = DIGITS
     if arguments.verify:
         verify(arguments.verify)
+        return
+    if arguments.truth:
+        write(arguments.truth, truth_document())
         return
     document = {
         "format": "positions m, velocities m/s, angular velocities rad/s, times s; numbers are decimal strings (20 "
@@ -622,9 +738,7 @@ def main() -> None:
         "constants": DEFAULT_CONSTANTS,
         "scenes": [scene_record(spec) for spec in SCENES],
     }
-    with open(arguments.output, "w", encoding="utf-8") as file:
-        json.dump(document, file, indent=1)
-        file.write("\n")
+    write(arguments.output, document)
 
 
 if __name__ == "__main__":
