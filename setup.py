@@ -59,6 +59,7 @@ setup(
             "shoot = billiards_sim.__main__:shoot",
             "demo = billiards_sim.__main__:demo",
             "simulate = billiards_sim.__main__:simulate",
+            "benchmark = billiards_sim.__main__:benchmark",
         ],
     },
 )

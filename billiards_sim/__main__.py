@@ -26,6 +26,7 @@ EXECUTABLES = {
     "shoot": Executable("billiards_sim.ros.shoot", "send the table one cue shot and print its verdict", needs_ros=True),
     "demo": Executable("billiards_sim.ros.demo", "break an eight-ball rack over ROS 2 and print it", needs_ros=True),
     "simulate": Executable("billiards_sim.study.simulate", "run a scene without ROS: numbers, pictures, movies"),
+    "benchmark": Executable("billiards_sim.study.benchmark", "measure speed against error"),
 }
 
 
@@ -65,6 +66,10 @@ def demo() -> int:
 
 def simulate() -> int:
     return run("simulate", sys.argv[1:])
+
+
+def benchmark() -> int:
+    return run("benchmark", sys.argv[1:])
 
 
 def main() -> int:

@@ -26,6 +26,10 @@ CHILD_TIMEOUT = 300.0
 """s, after which a child process is taken for stuck; the slowest compiles a peer's kernels for a minute."""
 
 
+Task = tuple[str, Callable[[dict[str, Any]], None]]
+"""A piece of the study: its name for the progress bar, and a function that adds its result to a part's figures."""
+
+
 class ChildError(RuntimeError):
     """A child process failed; the text is the last line that it wrote."""
 
@@ -54,15 +58,21 @@ def root_mean_square(values: Sequence[float]) -> float:
     return math.sqrt(math.fsum(value * value for value in values) / len(values)) if values else math.nan
 
 
-def slope(x: Sequence[float], y: Sequence[float]) -> float:
-    """Slope of the straight line nearest to log y over log x, least squares: the order of a method.
+def slope(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
+    """Slope of the straight line nearest to log y over log x, least squares, and its standard error.
+
+    Of the error of a method over its step it is the order of the method.
 
     Raises:
-        ValueError: fewer than two points.
+        ValueError: fewer than three points.
     """
-    if len(x) < 2:
-        raise ValueError(f"a slope needs two points, got {len(x)}")
-    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+    if len(x) < 3:
+        raise ValueError(f"a slope with its error needs three points, got {len(x)}")
+    across, up = np.log(x) - np.log(x).mean(), np.log(y) - np.log(y).mean()
+    spread_across = float(across @ across)
+    found = float(across @ up) / spread_across
+    rest = up - found * across
+    return found, math.sqrt(float(rest @ rest) / (len(x) - 2) / spread_across)
 
 
 def cost_at(level: float, costs: Sequence[float], errors: Sequence[float]) -> float | None:

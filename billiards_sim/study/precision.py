@@ -1,8 +1,9 @@
 """Work against precision: what each solver's time step buys, measured against solutions to 20 digits.
 
-Every solver starts from a scene and goes on to t = 0.5, 1, 2 and 5 s and to rest. A step is run `len(NEIGHBOURS)` times,
-each time a few per cent different: the error of a time-stepping scheme jumps about with where in a step a collision or
-the end of a slip falls, and the root mean square over neighbours is what a user may expect of a step of that size.
+Every solver starts from a scene and goes on to t = 0.5, 1, 2 and 5 s and to rest. A step is run `len(NEIGHBOURS)`
+times, each time a few per cent different: the error of a time-stepping scheme jumps about with where in a step a
+collision or the end of a slip falls, and the root mean square over neighbours is what a user may expect of a step of
+that size.
 """
 
 from __future__ import annotations
@@ -10,24 +11,31 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from billiards_sim.engine.events import Event
-from billiards_sim.study.measure import ChildError, cost_at, in_child, root_mean_square, slope, spread
+from billiards_sim.study.measure import Task, cost_at, in_child, root_mean_square, slope, spread
 from billiards_sim.study.time_stepping import SOLVERS, SchemeError, Solver
 from billiards_sim.study.truth import State, Truth, collisions, truths
 
-STEPS = (0.03, 0.01, 0.003, 0.001, 0.0003, 0.0001)  # s
-QUICK_STEPS = (0.01, 0.003, 0.001)  # s
-NEIGHBOURS = (0.9, 0.95, 1.0, 1.05, 1.1)
+STEPS = (0.03, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0003)  # s
+QUICK_STEPS = (0.02, 0.01, 0.005)  # s
+NEIGHBOURS = (0.91, 0.94, 0.97, 1.0, 1.03, 1.06, 1.09)
 """The time steps that are run in place of one, as shares of it."""
+QUICK_NEIGHBOURS = (0.91, 1.0, 1.09)
+
+STEPPED = ("time_step", "paper")
+"""Solvers with a step."""
 
 EXACT_RUNS = 50
 """Runs of `event`, which has no step, for the median of its wall time."""
+INTERPRETED_RUNS = 7
+"""The same without Numba."""
 
 LOOK_EVERY = 0.01
 """s between two looks at overlapping balls; a longer step is looked at when it ends."""
@@ -130,21 +138,32 @@ def summary(runs: Sequence[dict[str, Any]], overlap: float) -> dict[str, Any]:
 
 
 def exact_point(scene: str, runs: int) -> dict[str, Any]:
-    """The point of `event` in a scene; also called in a process without Numba."""
+    """The point of `event` in a scene."""
     truth = truths()[scene]
     run_once("event", truth, 1.0)  # compiles, or loads machine code
     return summary([run_once("event", truth, 1.0) for _ in range(runs)], deepest_overlap("event", truth, LOOK_EVERY))
 
 
-def stepped_point(solver: str, scene: str, time_step: float) -> dict[str, Any]:
-    """The point of a time-stepping solver at a step, s, and its neighbours."""
+def exact_points(runs: int) -> dict[str, Any]:
+    """The points of `event` in all scenes; called in a process without Numba."""
+    return {scene: exact_point(scene, runs) for scene in truths()}
+
+
+def stepped_point(solver: str, scene: str, time_step: float, neighbours: Sequence[float]) -> dict[str, Any]:
+    """The point of a time-stepping solver at a step, s, and its neighbours, shares of it."""
     truth = truths()[scene]
-    runs = [run_once(solver, truth, time_step * share) for share in NEIGHBOURS]
+    runs = [run_once(solver, truth, time_step * share) for share in neighbours]
     return {"time_step": time_step} | summary(runs, deepest_overlap(solver, truth, time_step))
 
 
 def conclusions(points: dict[str, Any]) -> dict[str, Any]:
-    """Order of `time_step` and the ratio of wall times at equal error, from the points of a scene."""
+    """What the points of a scene say.
+
+    Returns:
+        "order": of `time_step`, with its standard error, from the steps that miss nothing, None if they are fewer than
+        three; "ratio": its wall time over that of `event` at `EQUAL_ERROR`, "ratio_interpreted": over that of `event`
+        without Numba, None if it does not get there.
+    """
     steps = points["time_step"]
     errors = [point["position"][CHART_TIME] for point in steps]
     clean = [
@@ -152,47 +171,55 @@ def conclusions(points: dict[str, Any]) -> dict[str, Any]:
         for point, error in zip(steps, errors)
         if error < FIRST_ORDER_BELOW and point["missed"] == point["extra"] == 0
     ]
+    order = slope(*zip(*clean)) if len(clean) > 2 else None
     timed = sorted((point["wall"]["median"], error) for point, error in zip(steps, errors) if point["wall"])
     cost = cost_at(EQUAL_ERROR, *zip(*timed)) if timed else None
     exact = points["event"]["wall"]["median"]
-    without = points["event_interpreted"]
+    interpreted = points["event_interpreted"]["wall"]["median"]
     return {
-        "order": slope(*zip(*clean)) if len(clean) > 1 else None,
-        "order_steps": [step for step, _ in clean],
+        "order": order,
         "ratio": cost / exact if cost else None,
-        "ratio_interpreted": cost / without["wall"]["median"] if cost and without else None,
+        "ratio_interpreted": cost / interpreted if cost else None,
     }
 
 
-def tasks(quick: bool) -> Iterator[tuple[str, Callable[[dict[str, Any]], None]]]:
-    """What to do, as (name, function that adds its result to the study)."""
-    steps = QUICK_STEPS if quick else STEPS
+def tasks(quick: bool) -> Iterator[Task]:
+    """The pieces of this part."""
+    neighbours, steps = (QUICK_NEIGHBOURS, QUICK_STEPS) if quick else (NEIGHBOURS, STEPS)
     for scene in truths():
-        yield f"exact {scene}", lambda study, scene=scene: study.update({scene: _exact(scene)})
-        for solver, step in itertools.product(("time_step", "paper"), steps):
-            yield (
-                f"{solver} {step:g} s {scene}",
-                lambda study, scene=scene, solver=solver, step=step: study[scene][solver].append(
-                    stepped_point(solver, scene, step)
-                ),
-            )
-        yield scene, lambda study, scene=scene: study[scene].update(conclusions(study[scene]))
+        yield f"event: {scene}", partial(_add_exact, scene=scene)
+    yield "event without Numba", _add_interpreted
+    for scene, solver, step in itertools.product(truths(), STEPPED, steps):
+        yield (
+            f"{solver} {step:g} s: {scene}",
+            partial(_add_stepped, scene=scene, solver=solver, step=step, neighbours=neighbours),
+        )
+    yield "orders and ratios", _add_conclusions
 
 
-def _exact(scene: str) -> dict[str, Any]:
+def _add_exact(study: dict[str, Any], scene: str) -> None:
     truth = truths()[scene]
-    try:
-        interpreted = in_child(exact_point, {"NUMBA_DISABLE_JIT": "1"}, scene=scene, runs=5)
-    except ChildError:
-        interpreted = None
-    return {
+    study[scene] = {
         "description": truth.description,
         "balls": len(truth.scene),
         "collisions": truth.collisions.total(),
         "rest_time": truth.states["rest"].time,
         "rounding": {name: state.rounding for name, state in truth.states.items()},
         "event": exact_point(scene, EXACT_RUNS),
-        "event_interpreted": interpreted,
-        "time_step": [],
-        "paper": [],
+        "event_interpreted": None,
+        **{solver: [] for solver in STEPPED},
     }
+
+
+def _add_interpreted(study: dict[str, Any]) -> None:
+    for scene, point in in_child(exact_points, {"NUMBA_DISABLE_JIT": "1"}, runs=INTERPRETED_RUNS).items():
+        study[scene]["event_interpreted"] = point
+
+
+def _add_stepped(study: dict[str, Any], scene: str, solver: str, step: float, neighbours: Sequence[float]) -> None:
+    study[scene][solver].append(stepped_point(solver, scene, step, neighbours))
+
+
+def _add_conclusions(study: dict[str, Any]) -> None:
+    for scene in study.values():
+        scene.update(conclusions(scene))

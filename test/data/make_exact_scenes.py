@@ -701,8 +701,8 @@ def verify(path: str) -> None:
 def truth_document() -> dict[str, Any]:
     """Solve the benchmark's scenes; return the content of the file."""
     return {
-        "format": 'decimal strings, SI units; "initial": x y vx vy wx wy wz of each ball, exact; "rounding": m, how far '
-        "the balls move when initial values and constants are rounded to double; a collision: time, balls, rail",
+        "format": 'decimal strings, SI units; "initial": x y vx vy wx wy wz of each ball, exact; "rounding": m, how '
+        "far the balls move when initial values and constants are rounded to double; a collision: time, balls, rail",
         "constants": DEFAULT_CONSTANTS,
         "scenes": [truth_record(spec) for spec in TRUTH_SCENES],
     }

@@ -1,0 +1,173 @@
+"""`benchmark`: speed against error, the whole study in one command.
+
+Prints tables and writes `benchmark.json`, `benchmark.md` and pictures. `--from` makes the tables and pictures again
+from a `benchmark.json`; `--readme` puts them between the markers of a README.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from billiards_sim.command_line import USAGE_ERROR, Parser
+from billiards_sim.study import chaos, node_cost, peers, precision, report, speed
+from billiards_sim.study.measure import ChildError, Task, machine
+
+SEEDS = 200
+QUICK_SEEDS = 50
+CHAOS_SEEDS = 100
+QUICK_CHAOS_SEEDS = 5
+
+PARTS = ("speed", "precision", "chaos", "peers", "node")
+QUICK_PARTS = ("speed", "precision", "chaos")
+
+INTERRUPTED = 130
+"""Exit code after SIGINT."""
+
+
+def main(arguments: list[str]) -> int:
+    """Measure, print and write."""
+    options = _parser().parse_args(arguments)
+    try:
+        import matplotlib  # noqa: F401
+        import tqdm  # noqa: F401
+    except ImportError as error:
+        print(f"benchmark: {error.name} is not there: pip install 'billiards_sim[plot]'", file=sys.stderr)
+        return USAGE_ERROR
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return _run(options)
+    except KeyboardInterrupt:
+        print("benchmark: interrupted, nothing written", file=sys.stderr)
+        return INTERRUPTED
+    except (OSError, report.MarkerError, ChildError) as error:
+        print(f"benchmark: {error}", file=sys.stderr)
+        return USAGE_ERROR
+
+
+def measure(parts: tuple[str, ...], quick: bool, seeds: int) -> dict[str, Any]:
+    """The study's figures, with a progress bar on a terminal.
+
+    Args:
+        parts: of `PARTS`.
+        quick: fewer runs, larger steps.
+        seeds: breaks for the median times.
+
+    Returns:
+        "machine", "options", and one entry a part, as JSON can hold them: None where nothing was reached.
+    """
+    from tqdm import tqdm
+
+    start = time.perf_counter()
+    results: dict[str, Any] = {"machine": machine(), "options": {"quick": quick, "seeds": seeds, "parts": list(parts)}}
+    tasks = [(part, name, task) for part in parts for name, task in _tasks(part, quick, seeds)]
+    with tqdm(tasks, disable=not sys.stderr.isatty(), unit="task") as bar:
+        for part, name, task in bar:
+            bar.set_description(name)
+            task(results.setdefault(part, {}))
+    results["options"]["seconds"] = time.perf_counter() - start
+    return _without_nan(results)  # type: ignore[no-any-return]
+
+
+def write(results: dict[str, Any], directory: Path) -> None:
+    """Write `benchmark.json`, `benchmark.md` and the pictures.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    from billiards_sim.study import benchmark_plots
+
+    directory.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(results, indent=1, allow_nan=False)
+    (directory / "benchmark.json").write_text(text + "\n", encoding="utf-8")
+    (directory / "benchmark.md").write_text(report.whole_report(results), encoding="utf-8")
+    if results.get("precision"):
+        benchmark_plots.draw_work_precision(results["precision"], directory / "work_precision.png")
+    if results.get("chaos"):
+        benchmark_plots.draw_chaos(results["chaos"], directory / "chaos.png")
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Figures from a `benchmark.json`.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is not one.
+    """
+    results = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(results, dict) or not {"machine", "options"} <= results.keys():
+        raise ValueError("no figures of a benchmark in it")
+    return results
+
+
+def _tasks(part: str, quick: bool, seeds: int) -> Iterator[Task]:
+    if part == "speed":
+        return speed.tasks(seeds, quick)
+    if part == "precision":
+        return precision.tasks(quick)
+    if part == "chaos":
+        return chaos.tasks(QUICK_CHAOS_SEEDS if quick else CHAOS_SEEDS)
+    if part == "peers":
+        return peers.tasks(quick)
+    return node_cost.tasks()
+
+
+def _run(options: Any) -> int:
+    if options.source:
+        try:
+            results = read(options.source)
+        except ValueError as error:
+            print(f"benchmark: {options.source}: {error}", file=sys.stderr)
+            return USAGE_ERROR
+    else:
+        options.output.mkdir(parents=True, exist_ok=True)  # rather an error now than after the study
+        parts = options.parts or (QUICK_PARTS if options.quick else PARTS)
+        results = measure(tuple(parts), options.quick, options.seeds or (QUICK_SEEDS if options.quick else SEEDS))
+    print(report.whole_report(results))
+    write(results, options.output)
+    if options.readme:
+        report.write_readme(options.readme, results)
+    return 0
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="benchmark", description="Measure speed against error: tables, JSON, Markdown and pictures.")
+    parser.add_argument("--quick", action="store_true", help="a minute in place of a quarter of an hour: fewer runs")
+    parser.add_argument("--output", type=Path, default=Path("benchmark"), metavar="DIR", help="where to (benchmark)")
+    parser.add_argument(
+        "--seeds", type=_positive_whole, metavar="N", help=f"breaks for a median ({SEEDS}, quick {QUICK_SEEDS})"
+    )
+    parser.add_argument(
+        "--parts",
+        nargs="+",
+        choices=PARTS,
+        metavar="PART",
+        help=f"only some of: {', '.join(PARTS)} (quick: the first 3)",
+    )
+    parser.add_argument("--from", dest="source", type=Path, metavar="JSON", help="do not measure, take these figures")
+    parser.add_argument("--readme", type=Path, metavar="FILE", help="also put the tables between this file's markers")
+    return parser
+
+
+def _positive_whole(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise ValueError(text)
+    return number
+
+
+def _without_nan(value: Any) -> Any:
+    # JSON has no nan.
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_nan(entry) for entry in value]
+    return value

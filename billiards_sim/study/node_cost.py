@@ -1,0 +1,49 @@
+"""What the node costs: processor load and how evenly its ticks come, where ROS 2 is installed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+from billiards_sim.study.measure import ChildError, Task, installed, lines_of_python
+
+RATES = (100, 1000)  # Hz
+DURATION = 10.0  # s, with the balls at rest and again with them moving
+
+LAST_DOMAIN = 101
+"""ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
+
+
+def load(rate: int) -> list[dict[str, Any]]:
+    """What `python3 -m billiards_sim.ros.node_load` says at a rate, Hz: one record at rest, one moving.
+
+    Its traffic stays on this machine, in a domain of its own.
+
+    Raises:
+        ChildError: it failed.
+    """
+    lines = lines_of_python(
+        *("-m", "billiards_sim.ros.node_load", "--rate", str(rate), "--duration", str(DURATION)),
+        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+        ROS_DOMAIN_ID=str(1 + os.getpid() % LAST_DOMAIN),
+    )
+    return [{"rate": rate, **json.loads(line)} for line in lines if line.startswith("{")]
+
+
+def tasks() -> Iterator[Task]:
+    """The pieces of this part."""
+    for rate in RATES:
+        yield f"node at {rate} Hz", partial(_add, rate=rate)
+
+
+def _add(study: dict[str, Any], rate: int) -> None:
+    study["absent"] = not installed("rclpy")
+    if study["absent"]:
+        return
+    try:
+        study.setdefault("runs", []).extend(load(rate))
+    except ChildError as error:
+        study.setdefault("failures", []).append(f"at {rate} Hz: {error}")

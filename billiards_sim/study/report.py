@@ -1,0 +1,346 @@
+"""The benchmark's figures in words and tables: for the terminal, `benchmark.md` and the README."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from billiards_sim.study.chaos import APART, GOOD
+from billiards_sim.study.precision import (
+    CHART_TIME,
+    EQUAL_ERROR,
+    FIRST_ORDER_BELOW,
+    NEIGHBOURS,
+    QUICK_NEIGHBOURS,
+    STEPPED,
+)
+
+BEGIN = "<!-- benchmark: what follows is written by `python3 -m billiards_sim benchmark --readme README.md` -->"
+END = "<!-- benchmark: end -->"
+
+CROWD_TARGET = 3.0
+"""How many times more an event may cost with the most balls than with the fewest."""
+
+Results = dict[str, Any]
+
+
+class MarkerError(ValueError):
+    """A file has no place for the report; the text names it."""
+
+
+def figure(value: float | None) -> str:
+    """A number with three significant digits, `-` for none."""
+    if value is None:
+        return "-"
+    if value == 0.0:
+        return "0"
+    size = abs(value)
+    if not 1e-3 <= size < 1e5:
+        return f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
+    decimals = max(0, 2 - math.floor(math.log10(size)))
+    return f"{value:.{decimals}f}"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table with aligned columns, readable as it stands."""
+    lines = [list(header), *map(list, rows)]
+    widths = [max(3, *(len(line[column]) for line in lines)) for column in range(len(header))]
+    lines.insert(1, ["-" * width for width in widths])
+    return "\n".join("| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths)) + " |" for line in lines)
+
+
+def where(results: Results) -> str:
+    """Machine, versions and commit, one sentence."""
+    machine, options = results["machine"], results["options"]
+    numba = f"Numba {machine['numba']}" if machine["numba"] else "no Numba"
+    cores = "1 core" if machine["cores"] == 1 else f"{machine['cores']} cores"
+    return (
+        f"{machine['cpu']}, {cores}, {machine['system']}, Python {machine['python']}, NumPy {machine['numpy']}, "
+        f"{numba}, billiards_sim {machine['billiards_sim']} at {machine['commit'] or 'no commit'}, {machine['date']}; "
+        f"load average {figure(machine['load'])} at the start; {options['seconds']:.0f} s"
+        + (", quick: fewer runs than the full study." if options["quick"] else ".")
+    )
+
+
+def speed_table(rows: Sequence[dict[str, Any]]) -> str:
+    """Median, smallest and largest, and the target where there is one."""
+    return table(
+        ("what", "median", "smallest", "largest", "unit", "runs", "target"),
+        (
+            (
+                row["what"],
+                *(figure(row[key]) for key in ("median", "low", "high")),
+                row["unit"],
+                str(row["runs"]),
+                "" if row["target"] is None else f"<= {row['target']:g}: {_verdict(row['median'] <= row['target'])}",
+            )
+            for row in rows
+        ),
+    )
+
+
+def crowd_table(crowds: Sequence[dict[str, Any]]) -> str:
+    """Cost of events and memory by number of balls."""
+    return table(
+        ("balls", "us an event", "smallest", "largest", "runs", "events in 1 s", "set-up, ms", "memory, MB"),
+        (
+            (
+                f"{crowd['balls']:,}".replace(",", " "),
+                *(figure(crowd["per_event"][key] * 1e6) for key in ("median", "low", "high")),
+                str(crowd["per_event"]["runs"]),
+                str(crowd["events"]),
+                figure(crowd["setup"]["median"] * 1e3),
+                figure(crowd["bytes"] / 1e6),
+            )
+            for crowd in crowds
+        ),
+    )
+
+
+def crowd_sentence(crowds: Sequence[dict[str, Any]]) -> str:
+    """How the cost of an event grows from the fewest to the most balls."""
+    few, most = crowds[0], crowds[-1]
+    ratio = most["per_event"]["median"] / few["per_event"]["median"]
+    return (
+        f"An event among {most['balls']} balls costs {figure(ratio)} times one among {few['balls']} "
+        f"(target <= {CROWD_TARGET:g}: {_verdict(ratio <= CROWD_TARGET)})."
+    )
+
+
+def precision_summary(study: dict[str, Any]) -> str:
+    """One line a scene: the error of each solver at `CHART_TIME`, and what the same error costs."""
+
+    def line(name: str, scene: dict[str, Any]) -> tuple[str, ...]:
+        event, paper = scene["event"], [point["position"][CHART_TIME] for point in scene["paper"]]
+        reached = [error for error in paper if error is not None]
+        return (
+            f"`{name}`, {scene['balls']} balls",
+            figure(event["position"][CHART_TIME]),
+            figure(event["position"]["rest"]),
+            figure(scene["rounding"]["rest"]),
+            figure(event["wall"]["median"] * 1e6),
+            f"{scene['order'][0]:.2f} +- {scene['order'][1]:.2f}" if scene["order"] else "-",
+            figure(scene["ratio"]),
+            figure(scene["ratio_interpreted"]),
+            f"{figure(min(reached))} to {figure(max(reached))}" if reached else "-",
+        )
+
+    return table(
+        (
+            "scene",
+            f"`event` at {CHART_TIME} s, m",
+            "at rest, m",
+            "rounding the start, m",
+            "us a simulated second",
+            "order of `time_step`",
+            "its time over `event`'s",
+            "without Numba",
+            f"`paper` at {CHART_TIME} s, m",
+        ),
+        (line(name, scene) for name, scene in study.items()),
+    )
+
+
+def precision_notes(quick: bool) -> str:
+    """What the columns of the summary mean."""
+    neighbours = QUICK_NEIGHBOURS if quick else NEIGHBOURS
+    low, high = neighbours[0] - 1.0, neighbours[-1] - 1.0
+    return (
+        "Errors are the largest of any ball. Rounding the start: how far the exact solution moves when the start is "
+        "rounded to double precision, the least any solver in double precision can promise. Errors of `time_step` and "
+        f"`paper` are root mean squares over {len(neighbours)} neighbouring steps ({low:+.0%} to {high:+.0%}), because "
+        "they jump about with where in a step a collision falls. The order is the slope of the error over the step, "
+        f"where it is under {FIRST_ORDER_BELOW * 100.0:g} cm and no collision is missed. Its time over `event`'s: wall "
+        f"times at the same error of {EQUAL_ERROR * 1e3:g} mm, which `event` more than meets. `time_step` and `paper` "
+        "are NumPy in Python; hence also the ratio to `event` without Numba. `paper`: smallest to largest error over "
+        "all steps. `-`: not reached at any step."
+    )
+
+
+def precision_tables(study: dict[str, Any]) -> str:
+    """Every point of the study."""
+    texts = []
+    for name, scene in study.items():
+        lines = []
+        points = [("event", scene["event"]), ("event, no Numba", scene["event_interpreted"])]
+        points += [(f"{solver} {point['time_step']:g} s", point) for solver in STEPPED for point in scene[solver]]
+        for label, point in points:
+            wall = point["wall"] or {}
+            energies = [share for share in point["energy"].values() if share is not None]
+            lines.append(
+                (
+                    label,
+                    *(figure(wall[key] * 1e3 if wall else None) for key in ("median", "low", "high")),
+                    *(figure(error) for error in point["position"].values()),
+                    figure(max(energies, default=None)),
+                    f"{point['missed']}, {point['extra']}",
+                    figure(point["overlap"]),
+                    str(len(point["failures"])) if point["failures"] else "",
+                )
+            )
+        times = [f"at {time} s" if time != "rest" else "at rest" for time in scene["event"]["position"]]
+        header = ("solver", "ms a second", "smallest", "largest", *times)
+        header += ("energy", "collisions missed, extra", "overlap, m", "runs failed")
+        texts.append(
+            f"### {name}\n\n{scene['description']}; {scene['balls']} balls, {scene['collisions']} collisions, at rest "
+            f"after {figure(scene['rest_time'])} s. Position errors in m.\n\n{table(header, lines)}"
+        )
+    return "\n\n".join(texts)
+
+
+def chaos_table(study: dict[str, Any]) -> str:
+    """How differences grow."""
+    return table(
+        (
+            "what",
+            "runs",
+            "ball-ball collisions",
+            "growth a collision",
+            "growth by the end, median",
+            "largest",
+            "runs that the last bit moves by 1 mm",
+            "earliest, s",
+        ),
+        (
+            (
+                name,
+                str(part["seeds"]),
+                figure(part["collisions_in_all"]),
+                figure(part["per_collision"]),
+                figure(part["at_end"]["median"]),
+                figure(part["at_end"]["high"]),
+                f"{part['parted']:.0%}",
+                "never" if part["good_for"]["earliest"] is None else figure(part["good_for"]["earliest"]),
+            )
+            for name, part in study.items()
+        ),
+    )
+
+
+def chaos_sentences(study: dict[str, Any]) -> str:
+    """What the growth means for the user, one sentence an arrangement."""
+    texts = []
+    for name, part in study.items():
+        growth, earliest = part["at_end"]["median"], part["good_for"]["earliest"]
+        if earliest is None:
+            trust = f"double precision is good to 1 mm until the last ball rests, in all {part['seeds']} runs"
+        else:
+            trust = (
+                f"double precision is good to 1 mm for at least {figure(earliest)} s, and to the end in "
+                f"{1.0 - part['parted']:.0%} of {part['seeds']} runs; beyond, a run is one of the possible outcomes, "
+                "the same whenever it is run, and not the outcome"
+            )
+        texts.append(f"- {name}: {trust}; a ball placed {figure(GOOD / growth)} m off ends 1 mm off in the median.")
+    return "\n".join(texts)
+
+
+def peer_table(study: dict[str, Any]) -> str:
+    """Time and error of other engines."""
+    lines = []
+    for name, peer in study.items():
+        if peer["absent"]:
+            lines.append((f"{name}: not installed", peer["kind"], "", "", "", "", "", ""))
+            continue
+        for scene, result in peer["scenes"].items():
+            start = (f"{name} {peer['version'] or ''}".strip(), peer["kind"], scene)
+            if "failure" in result:
+                lines.append((*start, f"failed: {result['failure']}", "", "", "", ""))
+                continue
+            errors = (figure(error) for error in result["position"].values())
+            lines.append((*start, figure(result["wall"]["median"] * 1e3), *errors))
+    return table(("engine", "kind", "scene", "ms for 5 s", "error at 0.5 s, m", "1 s", "2 s", "5 s"), lines)
+
+
+def node_table(study: dict[str, Any]) -> str:
+    """Load and evenness of the node."""
+    if study.get("absent"):
+        return "ROS 2 (rclpy) is not installed: not measured."
+    lines = [
+        (
+            f"{run['rate']}",
+            run["balls"],
+            figure(run["mean_rate"]),
+            f"{run['load']:.0%}",
+            *(figure(run[key] * 1e3) for key in ("spacing_p1", "spacing_p99")),
+        )
+        for run in study.get("runs", [])
+    ]
+    text = table(("Hz asked for", "balls", "Hz", "share of a core", "1 % of ticks closer than, ms", "99 %, ms"), lines)
+    return "\n\n".join([text, *study.get("failures", [])])
+
+
+def sections(results: Results) -> dict[str, Callable[[], str]]:
+    """The parts that were measured: heading and a function that writes it."""
+    speed, precision, chaos = results.get("speed"), results.get("precision"), results.get("chaos")
+    peers, node = results.get("peers"), results.get("node")
+    found: dict[str, Callable[[], str]] = {}
+    if speed:
+        found["Speed"] = lambda: speed_table(speed["rows"])
+        found["Many balls"] = lambda: f"{crowd_table(speed['crowds'])}\n\n{crowd_sentence(speed['crowds'])}"
+        found["Cost of each feature"] = lambda: speed_table(speed["features"])
+    if precision:
+        notes = precision_notes(results["options"]["quick"])
+        found["Work and precision"] = lambda: (
+            f"{precision_summary(precision)}\n\n{notes}\n\n![Work and precision](work_precision.png)"
+        )
+    if chaos:
+        found["How far a run can be foretold"] = lambda: (
+            f"{chaos_table(chaos)}\n\n{chaos_sentences(chaos)}\n\nGrowth is that of a difference of {figure(APART)} m "
+            "in where the first ball starts.\n\n![Growth of a difference](chaos.png)"
+        )
+    if peers:
+        found["Other engines"] = lambda: peer_table(peers)
+    if node:
+        found["The node"] = lambda: node_table(node)
+    return found
+
+
+def whole_report(results: Results) -> str:
+    """All tables: `benchmark.md`."""
+    parts = ["# billiards_sim: speed against error", where(results)]
+    parts += [f"## {heading}\n\n{text()}" for heading, text in sections(results).items()]
+    if results.get("precision"):
+        parts.append(f"## Every solver, step and scene\n\n{precision_tables(results['precision'])}")
+    return "\n\n".join(parts) + "\n"
+
+
+def readme_fragment(results: Results) -> str:
+    """What the README shows, between the markers; its pictures are in docs/benchmark."""
+    parts = [where(results)]
+    for heading, text in sections(results).items():
+        parts.append(f"### {heading}\n\n{text()}")
+    return (
+        "\n\n".join(parts)
+        .replace("](work_precision.png)", "](docs/benchmark/work_precision.png)")
+        .replace("](chaos.png)", "](docs/benchmark/chaos.png)")
+    )
+
+
+def with_fragment(text: str, fragment: str, name: str = "the file") -> str:
+    """A text with a fragment in place of what stands between its markers.
+
+    Raises:
+        MarkerError: the markers are not there, once each and in order.
+    """
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end or BEGIN in rest or END in after:
+        raise MarkerError(f"{name} must have one line {BEGIN!r} and after it one line {END!r}")
+    return f"{before}{BEGIN}\n\n{fragment}\n\n{END}{after}"
+
+
+def write_readme(path: Path, results: Results) -> None:
+    """Put the figures between the markers of a file.
+
+    Raises:
+        MarkerError: it has no markers.
+        OSError: it cannot be read or written.
+    """
+    text = path.read_text(encoding="utf-8")
+    path.write_text(with_fragment(text, readme_fragment(results), str(path)), encoding="utf-8")
+
+
+def _verdict(met: bool) -> str:
+    return "met" if met else "missed"
