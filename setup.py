@@ -14,6 +14,8 @@ ROS = [
 ]
 FAST = ["numba"]
 PLOT = ["matplotlib", "tqdm", "pillow>=10.1", "imageio-ffmpeg"]
+# what `benchmark` compares with; pooltool, a third, pins a panda3d that is not to be had: see the README
+PEERS = ["pymunk", "mujoco"]
 
 setup(
     name=NAME,
@@ -50,7 +52,7 @@ setup(
             "colcon-ros",
             "setuptools<80",  # colcon's bound
         ],
-        "peers": ["pooltool-billiards"],
+        "peers": PEERS,
     },
     zip_safe=False,
     entry_points={

@@ -6,6 +6,7 @@ from a `benchmark.json`; `--readme` puts them between the markers of a README.
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import signal
@@ -156,10 +157,9 @@ def _parser() -> Parser:
 
 
 def _positive_whole(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise ValueError(text)
-    return number
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number >= 1, got {text}")
+    return int(text)
 
 
 def _without_nan(value: Any) -> Any:

@@ -3,8 +3,8 @@
 Every engine is set up for the model of this package as far as it goes: table, masses, friction, elastic and
 frictionless balls, rails with restitution 0.7. Errors are against the solutions to 20 digits.
 
-`pip install pymunk mujoco` installs two of them. pooltool 0.6.0 asks for a development version of panda3d that the
-package index may not have; `pip install --no-deps pooltool-billiards` and the rest of what it needs by hand.
+The extra `peers` installs pymunk and MuJoCo. pooltool 0.6.0 asks for a development version of panda3d that the package
+index may not have; the README says how to install it without.
 """
 
 from __future__ import annotations

@@ -51,8 +51,12 @@ def test_share_holds_the_configuration_and_the_marker(prefix: Path) -> None:
         assert installed.read_text() == (REPOSITORY / name).read_text()
 
 
+def test_the_exact_solutions_are_installed(prefix: Path) -> None:
+    assert len(list(prefix.glob("lib/python*/site-packages/billiards_sim/study/truth.json"))) == 1
+
+
 def test_every_executable_is_where_ros2_run_looks(prefix: Path) -> None:
-    for name in ("table", "shoot", "demo", "simulate"):
+    for name in ("table", "shoot", "demo", "simulate", "benchmark"):
         assert os.access(prefix / "lib" / "billiards_sim" / name, os.X_OK)
 
 
