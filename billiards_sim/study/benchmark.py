@@ -42,6 +42,7 @@ def main(arguments: list[str]) -> int:
         print(f"benchmark: {error.name} is not there: pip install 'billiards_sim[plot]'", file=sys.stderr)
         return USAGE_ERROR
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     try:
         return _run(options)
     except KeyboardInterrupt:
@@ -132,6 +133,7 @@ def _run(options: Any) -> int:
         results = measure(tuple(parts), options.quick, options.seeds or (QUICK_SEEDS if options.quick else SEEDS))
     print(report.whole_report(results))
     write(results, options.output)
+    print(f"benchmark: figures and pictures are in {options.output}", file=sys.stderr)
     if options.readme:
         report.write_readme(options.readme, results)
     return 0

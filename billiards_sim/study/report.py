@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,9 @@ from billiards_sim.study.precision import (
 
 BEGIN = "<!-- benchmark: what follows is written by `python3 -m billiards_sim benchmark --readme README.md` -->"
 END = "<!-- benchmark: end -->"
+
+WIDTH = 118
+"""Characters in a line of text."""
 
 CROWD_TARGET = 3.0
 """How many times more an event may cost with the most balls than with the fewest."""
@@ -43,6 +47,11 @@ def figure(value: float | None) -> str:
     return f"{value:.{decimals}f}"
 
 
+def paragraph(text: str, indent: str = "") -> str:
+    """Text in lines of `WIDTH`, the second and later ones indented."""
+    return textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+
+
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table with aligned columns, readable as it stands."""
     lines = [list(header), *map(list, rows)]
@@ -56,7 +65,7 @@ def where(results: Results) -> str:
     machine, options = results["machine"], results["options"]
     numba = f"Numba {machine['numba']}" if machine["numba"] else "no Numba"
     cores = "1 core" if machine["cores"] == 1 else f"{machine['cores']} cores"
-    return (
+    return paragraph(
         f"{machine['cpu']}, {cores}, {machine['system']}, Python {machine['python']}, NumPy {machine['numpy']}, "
         f"{numba}, billiards_sim {machine['billiards_sim']} at {machine['commit'] or 'no commit'}, {machine['date']}; "
         f"load average {figure(machine['load'])} at the start; {options['seconds']:.0f} s"
@@ -147,7 +156,7 @@ def precision_notes(quick: bool) -> str:
     """What the columns of the summary mean."""
     neighbours = QUICK_NEIGHBOURS if quick else NEIGHBOURS
     low, high = neighbours[0] - 1.0, neighbours[-1] - 1.0
-    return (
+    return paragraph(
         "Errors are the largest of any ball. Rounding the start: how far the exact solution moves when the start is "
         "rounded to double precision, the least any solver in double precision can promise. Errors of `time_step` and "
         f"`paper` are root mean squares over {len(neighbours)} neighbouring steps ({low:+.0%} to {high:+.0%}), because "
@@ -232,7 +241,8 @@ def chaos_sentences(study: dict[str, Any]) -> str:
                 f"{1.0 - part['parted']:.0%} of {part['seeds']} runs; beyond, a run is one of the possible outcomes, "
                 "the same whenever it is run, and not the outcome"
             )
-        texts.append(f"- {name}: {trust}; a ball placed {figure(GOOD / growth)} m off ends 1 mm off in the median.")
+        felt = f"moving the first ball by {figure(GOOD / growth)} m moves where some ball ends by 1 mm in the median"
+        texts.append(paragraph(f"- {name}: {trust}; {felt}.", indent="  "))
     return "\n".join(texts)
 
 
