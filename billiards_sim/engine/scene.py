@@ -22,8 +22,8 @@ OVERLAP_TOLERANCE = 1e-9
 by 1e-16 m, positions that went through a text file by 1e-10 m; one that is further in is a mistake."""
 
 
-_PAPER_TABLE = Table()
-_PAPER_PHYSICS = Physics()
+PAPER_TABLE = Table()
+PAPER_PHYSICS = Physics()
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class Scene:
         velocities: ArrayLike | None = None,
         angular_velocities: ArrayLike | None = None,
         names: Sequence[str] | None = None,
-        table: Table = _PAPER_TABLE,
-        physics: Physics = _PAPER_PHYSICS,
+        table: Table = PAPER_TABLE,
+        physics: Physics = PAPER_PHYSICS,
         *,
         name: str = "",
         shot: Shot | None = None,

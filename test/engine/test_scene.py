@@ -168,6 +168,38 @@ def test_rack_is_mirror_symmetric_to_the_last_bit() -> None:
     )
 
 
+WPA_9FT = bs.Table(length=2.54, width=1.27, rail_thickness=0.127)
+
+
+@pytest.mark.parametrize("make", bs.scenes.BUILT_IN.values(), ids=bs.scenes.BUILT_IN)
+def test_built_in_scenes_are_laid_out_for_the_table_and_the_physics_given(make) -> None:
+    physics = bs.Physics(mass=0.17, radius=0.03)
+    scene = make(table=WPA_9FT, physics=physics)
+    assert (scene.table, scene.physics) == (WPA_9FT, physics)
+    same = make(table=bs.Table(), physics=bs.Physics())
+    assert np.array_equal(same.positions, make().positions)
+    assert np.array_equal(same.velocities, make().velocities)
+
+
+def test_the_rack_stands_on_the_foot_spot_of_another_table() -> None:
+    scene = bs.scenes.eight_ball(table=WPA_9FT, physics=bs.Physics(radius=0.03))
+    assert scene.positions[0] == pytest.approx([0.127 + 0.635, 0.127 + 0.635], abs=1e-12)
+    assert scene.positions[1] == pytest.approx([0.127 + 1.905, 0.127 + 0.635], abs=1e-12)
+    assert np.hypot(*(scene.positions[9] - scene.positions[1])) == pytest.approx(0.0601, abs=1e-12)
+
+
+def test_random_balls_fill_another_table() -> None:
+    positions = bs.scenes.random_balls(200, table=bs.Table(length=20.0, width=10.0)).positions
+    assert positions[:, 0].max() > 15.0
+    assert positions[:, 1].max() > 7.5
+
+
+@pytest.mark.parametrize("make", bs.scenes.BUILT_IN.values(), ids=bs.scenes.BUILT_IN)
+def test_a_table_too_small_for_a_built_in_scene_is_refused(make) -> None:
+    with pytest.raises(ValueError, match="ball"):
+        make(table=bs.Table(length=0.5, width=0.05))
+
+
 @pytest.mark.parametrize("gap", [-1e-6, math.nan, math.inf, "1"])
 def test_bad_gap_is_refused(gap) -> None:
     with pytest.raises(ValueError, match="gap must be a finite number >= 0"):
