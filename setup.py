@@ -1,3 +1,5 @@
+from glob import glob
+
 from setuptools import find_packages, setup
 
 NAME = "billiards_sim"
@@ -30,7 +32,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", ["config/table.yaml", "config/table.rviz"]),
+        (f"share/{NAME}/config", glob("config/*")),
     ],
     install_requires=["numpy"],
     extras_require={

@@ -66,6 +66,14 @@ def table_markers(table: Table, radius: float, stamp: int) -> MarkerArray:
     return message
 
 
+def erasing() -> MarkerArray:
+    """Takes everything off a marker topic: a new scene may have fewer balls."""
+    message = MarkerArray()
+    message.markers.append(_marker("", 0, Marker.SPHERE, CLOTH))
+    message.markers[0].action = Marker.DELETEALL
+    return message
+
+
 def _marker(namespace: str, index: int, shape: int, colour: tuple[float, float, float]) -> Marker:
     marker = Marker()
     marker.header.frame_id = FRAME

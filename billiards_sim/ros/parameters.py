@@ -1,19 +1,21 @@
-"""The node's parameters: declared from the quantities of `Physics` and `Table`, checked once, then fixed.
+"""The node's parameters: declared from the quantities of `Physics` and `Table`, checked together.
 
-A `physics.*` or `table.*` parameter that is not given takes the value of the scene; one that is given replaces it.
+A `physics.*` or `table.*` parameter that is not given takes the value of the scene; one that is given replaces it. The
+table's geometry is fixed while the node runs, but for what a new scene brings; everything else changes at rest.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.quantity import Quantity, quantities
@@ -26,9 +28,9 @@ GROUPS = {"physics": Physics, "table": Table}
 
 DEFAULT_SCENE = "eight_ball"
 
-SCENE_HELP = f"what is on the table: {', '.join(BUILT_IN)}, or the path of a scene file"
+SCENE_HELP = f"what is on the table from the next reset on: {', '.join(BUILT_IN)}, or the path of a scene file"
 
-RATES = {
+NUMBERS = {
     "update_rate": (100.0, Quantity("Hz", "steps, and messages on balls/poses, a second", minimum=0.1, maximum=1000.0)),
     "real_time_factor": (
         1.0,
@@ -36,8 +38,7 @@ RATES = {
     ),
     "marker_rate": (30.0, Quantity("Hz", "messages on markers a second, 0 for none", minimum=0.0, maximum=1000.0)),
 }
-"""Default and quantity of each rate."""
-
+"""Default and quantity of each number of the node's own."""
 
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """What parameters that every node has start with."""
@@ -45,17 +46,37 @@ ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything the node is told: the scene with all overrides applied, and the rates."""
+    """Everything the node is told: the scene with all overrides applied, and the numbers of the node's own.
+
+    Attributes:
+        given: the parameters that the user gave, by name; the others follow the defaults and the scene.
+        loaded: the scene before `given` is applied to it.
+    """
 
     scene: Scene
     scene_name: str
     update_rate: float
     real_time_factor: float
     marker_rate: float
+    given: Mapping[str, Any]
+    loaded: Scene
+
+    def values(self) -> dict[str, Any]:
+        """The value of every parameter, by name."""
+        values: dict[str, Any] = {"scene": self.scene_name}
+        values |= {name: getattr(self, name) for name in NUMBERS}
+        for name, _ in _group_quantities():
+            group, _, field = name.partition(".")
+            values[name] = getattr(getattr(self.scene, group), field)
+        return values
 
 
-def read_settings(given: Mapping[str, Any]) -> Settings:
+def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Settings:
     """Settings from the parameters that the user gave, by name; all others take their defaults.
+
+    Args:
+        given: the parameters.
+        loaded: the scene that `given` names, if it has been loaded already.
 
     Raises:
         ValueError: a value of the wrong type or out of bounds, an unknown scene, an unknown `physics.*` or `table.*`
@@ -66,22 +87,67 @@ def read_settings(given: Mapping[str, Any]) -> Settings:
         if dot and group in GROUPS and name not in dict(_group_quantities()):
             known = ", ".join(quantities(GROUPS[group]))
             raise ValueError(f"no parameter {name!r}; under {group!r} there are {known}")
-    rates = {name: number(name, given.get(name, default), declared) for name, (default, declared) in RATES.items()}
+    numbers = {name: number(name, given.get(name, default), declared) for name, (default, declared) in NUMBERS.items()}
     scene_name = given.get("scene", DEFAULT_SCENE)
-    scene = find_scene(scene_name)
-    changes = {}
+    loaded = loaded or find_scene(scene_name)
+    groups = {}
     for group in GROUPS:
         values = {
             field: number(f"{group}.{field}", given[f"{group}.{field}"], declared)
             for field, declared in quantities(GROUPS[group]).items()
             if f"{group}.{field}" in given
         }
-        changes[group] = dataclasses.replace(getattr(scene, group), **values)
+        groups[group] = dataclasses.replace(getattr(loaded, group), **values)
     try:
-        scene = dataclasses.replace(scene, **changes)
+        scene = BUILT_IN[scene_name](**groups) if scene_name in BUILT_IN else dataclasses.replace(loaded, **groups)
     except ValueError as error:
         raise ValueError(f"scene {scene_name!r} does not fit these physics and table parameters: {error}") from None
-    return Settings(scene, scene_name, **rates)
+    return Settings(scene, scene_name, **numbers, given=dict(given), loaded=loaded)
+
+
+def change_settings(settings: Settings, changes: Mapping[str, Any]) -> Settings:
+    """Settings with some parameters changed, all of them or none.
+
+    Raises:
+        ValueError: as `read_settings`.
+    """
+    return read_settings({**settings.given, **changes}, None if "scene" in changes else settings.loaded)
+
+
+def check_changeable(settings: Settings, changes: Mapping[str, Any]) -> None:
+    """Raises:
+    ValueError: a change of what is fixed while the node runs.
+    """
+    present = settings.values()
+    for name, value in changes.items():
+        if is_geometry(name):
+            declared = dict(_group_quantities())[name]
+            raise ValueError(
+                f"parameter {name!r} is fixed while the node runs, at {present[name]:.9g}{_unit(declared)}; "
+                f"got {value!r}: give it at the start, or reset to a scene file that brings it"
+            )
+
+
+def is_geometry(name: str) -> bool:
+    """Whether a parameter says what fits where."""
+    return name == "physics.radius" or name.startswith("table.")
+
+
+def as_declared(given: Iterable[Parameter]) -> list[Parameter]:
+    """The parameters with integers made doubles where a double is declared: users write `update_rate: 50`."""
+    doubles = {*NUMBERS, *dict(_group_quantities())}
+    return [
+        Parameter(one.name, value=float(one.value))
+        if one.name in doubles and one.type_ == Parameter.Type.INTEGER
+        else one
+        for one in given
+    ]
+
+
+def ours(given: Iterable[Parameter]) -> dict[str, Any]:
+    """Those of the parameters that this module declares, by name."""
+    known = _names()
+    return {one.name: one.value for one in given if one.name in known}
 
 
 def find_scene(name: Any) -> Scene:
@@ -122,7 +188,11 @@ def take_overrides(node: Node) -> dict[str, Any]:
     The node must have been made with `automatically_declare_parameters_from_overrides`. The parameters of this module
     are undeclared again, so that `declare` can declare them with type, range and help.
     """
-    names = ["scene", *RATES, *(name for name in node.get_parameters_by_prefix("") if name.partition(".")[0] in GROUPS)]
+    names = [
+        "scene",
+        *NUMBERS,
+        *(name for name in node.get_parameters_by_prefix("") if name.partition(".")[0] in GROUPS),
+    ]
     given = {}
     for name in names:
         if node.has_parameter(name):
@@ -132,36 +202,40 @@ def take_overrides(node: Node) -> dict[str, Any]:
 
 
 def declare(node: Node, settings: Settings) -> None:
-    """Declare every parameter, read-only, with the value in use."""
+    """Declare every parameter with the value in use."""
+    values = settings.values()
     node.declare_parameter(
         "scene",
-        settings.scene_name,
-        ParameterDescriptor(description=SCENE_HELP, read_only=True),
+        values["scene"],
+        ParameterDescriptor(description=SCENE_HELP, additional_constraints="takes effect at the next reset"),
         ignore_override=True,
     )
-    for name, (_, declared) in RATES.items():
-        _declare_number(node, name, getattr(settings, name), declared)
+    for name, (_, declared) in NUMBERS.items():
+        _declare_number(node, name, values[name], declared)
     for name, declared in _group_quantities():
-        group, _, field = name.partition(".")
-        _declare_number(node, name, getattr(getattr(settings.scene, group), field), declared)
+        _declare_number(node, name, values[name], declared)
 
 
 def unknown(node: Node) -> list[str]:
     """Parameters that the user gave and that mean nothing to the node, for instance a misspelt one."""
-    known = {"scene", *RATES, *dict(_group_quantities())}
+    known = _names()
     return [name for name in node.get_parameters_by_prefix("") if name not in known and not name.startswith(ROS_OWN)]
 
 
 def help_lines() -> str:
     """The parameters with their defaults, units and bounds, one a line, for `--help`."""
     lines = [f"  scene ({DEFAULT_SCENE}): {SCENE_HELP}"]
-    for name, (default, declared) in RATES.items():
+    for name, (default, declared) in NUMBERS.items():
         lines.append(f"  {name} ({default:g}{_unit(declared)}, {declared.bounds()}): {declared.help}")
     for name, declared in _group_quantities():
         group, _, field = name.partition(".")
         default = getattr(GROUPS[group](), field)
         lines.append(f"  {name} ({default:g}{_unit(declared)}, {declared.bounds()}): {declared.help}")
     return "\n".join(lines)
+
+
+def _names() -> set[str]:
+    return {"scene", *NUMBERS, *dict(_group_quantities())}
 
 
 def _group_quantities() -> Iterator[tuple[str, Quantity]]:
@@ -176,10 +250,10 @@ def _unit(declared: Quantity) -> str:
 
 def _declare_number(node: Node, name: str, value: float, declared: Quantity) -> None:
     bounds = FloatingPointRange(from_value=max(declared.minimum, declared.above), to_value=declared.maximum, step=0.0)
+    change = "fixed while the node runs" if is_geometry(name) else "changeable while all balls rest"
     descriptor = ParameterDescriptor(
         description=f"{declared.help},{_unit(declared)}".rstrip(","),
-        additional_constraints=declared.bounds(),
+        additional_constraints=f"{declared.bounds()}; {change}",
         floating_point_range=[bounds],
-        read_only=True,
     )
     node.declare_parameter(name, value, descriptor, ignore_override=True)

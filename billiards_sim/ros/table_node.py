@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import gc
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import PoseArray, VelocityStamped, WrenchStamped
+from numpy.typing import NDArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.timer import Timer
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
@@ -20,7 +29,7 @@ from visualization_msgs.msg import MarkerArray
 from billiards_sim.command_line import USAGE_ERROR, Parser
 from billiards_sim.engine import scenes
 from billiards_sim.engine.events import Event
-from billiards_sim.engine.scene import Shot
+from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
 from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, wake_on_signals
@@ -34,6 +43,24 @@ EVENT_DEPTH = 1000
 
 STATE_DEPTH = 10
 """Ticks kept for one."""
+
+MOST_BALLS = 22
+"""Of the games in use (snooker): twists are kept for as many, or for the first scene's if it has more."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """New parameters, checked but not yet in use.
+
+    Attributes:
+        settings: for what is on the table.
+        after_reset: from the next reset on.
+        simulation: the balls where they lie, under the new physics.
+    """
+
+    settings: parameters.Settings
+    after_reset: parameters.Settings
+    simulation: Simulation
 
 
 class TableNode(Node):
@@ -49,20 +76,16 @@ class TableNode(Node):
         parameters.declare(self, self._settings)
         for name in parameters.unknown(self):
             self.get_logger().warning(f"parameter {name!r} is not one of this node's")
-        scene = self._settings.scene
-        radius = scene.physics.radius
-        self._scene = scene
-        self._tick_time = self._settings.real_time_factor / self._settings.update_rate
+        self._after_reset = self._settings
+        self._change: Change | None = None
+        self._adopting = False
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-
-        self._poses = messages.new_poses(len(scene), radius)
-        self._twists = [messages.new_twist(name) for name in scene.names]
-        self._twists_due = [True] * len(scene)
         self._twist_subscribers = 0
-        self._ball_markers = markers.new_ball_markers(scene.names, radius)
+        self._make_messages()
 
         self._poses_publisher = self.create_publisher(PoseArray, "balls/poses", STATE_DEPTH)
-        self._twists_publisher = self.create_publisher(VelocityStamped, "balls/twists", STATE_DEPTH * len(scene))
+        twists_depth = STATE_DEPTH * max(len(self._scene), MOST_BALLS)
+        self._twists_publisher = self.create_publisher(VelocityStamped, "balls/twists", twists_depth)
         self._markers_publisher = self.create_publisher(MarkerArray, "markers", STATE_DEPTH)
         self._table_markers_publisher = self.create_publisher(MarkerArray, "table_markers", LATCHED)
         self._collisions_publisher = self.create_publisher(String, "collisions", EVENT_DEPTH)
@@ -74,24 +97,36 @@ class TableNode(Node):
         """What the node was told."""
         return self._settings
 
+    @property
+    def simulation(self) -> Simulation:
+        """What is on the table."""
+        return self._simulation
+
+    @property
+    def _scene(self) -> Scene:
+        return self._settings.scene
+
     def start(self) -> None:
         """Put the scene on the table, start the clock, take shots."""
         self._simulation = Simulation(self._scene)
         self._stamps = messages.Stamps(self.get_clock().now().nanoseconds)
-        self._table_markers_publisher.publish(
-            markers.table_markers(self._scene.table, self._scene.physics.radius, self._stamps.at(0.0))
-        )
+        self._publish_table_markers()
         self._at_rest: bool | None = None
         self._publish_at_rest()
+        self.add_pre_set_parameters_callback(parameters.as_declared)
+        self.add_on_set_parameters_callback(self._on_set_parameters)
+        self.add_post_set_parameters_callback(self._on_parameters_set)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
-        self.create_timer(1.0 / self._settings.update_rate, self._on_tick, clock=self._steady_clock)
-        if self._settings.marker_rate > 0.0:
-            self.create_timer(1.0 / self._settings.marker_rate, self._publish_markers, clock=self._steady_clock)
+        # The steady clock goes on where nobody publishes the time that the node itself may follow.
+        self._ticks = self.create_timer(1.0, self._on_tick, clock=self._steady_clock)
+        self._marker_ticks = self.create_timer(1.0, self._publish_markers, clock=self._steady_clock)
+        self._set_rates()
 
-    def _on_tick(self) -> None:
+    def advance(self, duration: float) -> None:
+        """Go on by `duration` s of simulated time and publish the state."""
         try:
-            self._publish_events(self._simulation.advance(self._tick_time))
+            self._publish_events(self._simulation.advance(duration))
         except StallError as error:
             self.get_logger().error(f"the table goes back to the start of its scene: {error}")
             self._publish_events(error.events)
@@ -100,10 +135,23 @@ class TableNode(Node):
         self._publish_twists()
         self._publish_at_rest()
 
+    def reset(self) -> str:
+        """Back to the start of the scene, or to a new one; returns what is now on the table."""
+        self._publish_events(self._simulation.advance(0.0))  # of a shot that no tick has followed yet
+        if self._after_reset is not self._settings:
+            self._settings = self._after_reset
+            self._adopt_scene()
+        self._restart()
+        self._publish_at_rest()
+        return f"{len(self._scene)} balls back at the start of scene {self._settings.scene_name}"
+
+    def _on_tick(self) -> None:
+        self.advance(self._settings.real_time_factor / self._settings.update_rate)
+
     def _on_cue_shot(self, message: WrenchStamped) -> None:
         try:
             shot = shot_from_wrench(message)
-            self._check_at_rest()
+            self._check_at_rest("a shot")
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
             self.get_logger().warning(f"shot refused: {error}")
@@ -113,22 +161,19 @@ class TableNode(Node):
         self._publish_shot_result(True, "")
         self._publish_at_rest()
 
-    def _check_at_rest(self) -> None:
+    def _check_at_rest(self, before: str) -> None:
         if self._simulation.at_rest:
             return
         speeds = [(vx * vx + vy * vy) ** 0.5 for vx, vy in self._simulation.velocities.tolist()]
         fastest = max(range(len(speeds)), key=speeds.__getitem__)
         raise ValueError(
-            f"every ball must rest before a shot: ball {self._scene.names[fastest]!r} moves at "
+            f"every ball must rest before {before}: ball {self._scene.names[fastest]!r} moves at "
             f"{speeds[fastest]:.6g} m/s"
         )
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._publish_events(self._simulation.advance(0.0))  # of a shot that no tick has followed yet
-        self._restart()
-        self._publish_at_rest()
         response.success = True
-        response.message = f"{len(self._scene)} balls back at the start of scene {self._settings.scene_name}"
+        response.message = self.reset()
         self.get_logger().info(f"reset: {response.message}")
         return response
 
@@ -136,6 +181,79 @@ class TableNode(Node):
         self._stamps.restart(self._simulation.time)
         self._simulation = Simulation(self._scene)
         self._twists_due = [True] * len(self._scene)
+
+    def _adopt_scene(self) -> None:
+        # The new scene may have other balls, and brings a table and physics of its own.
+        self._make_messages()
+        for publisher in (self._markers_publisher, self._table_markers_publisher):
+            publisher.publish(markers.erasing())
+        self._publish_table_markers()
+        values = self._settings.values().items()
+        changed = [Parameter(name, value=value) for name, value in values if value != self.get_parameter(name).value]
+        with self._adopting_parameters():
+            if changed:
+                self.set_parameters_atomically(changed)
+
+    @contextmanager
+    def _adopting_parameters(self) -> Iterator[None]:
+        self._adopting = True
+        try:
+            yield
+        finally:
+            self._adopting = False
+
+    def _on_set_parameters(self, given: list[Parameter]) -> SetParametersResult:
+        self._change = None
+        if self._adopting:
+            return SetParametersResult(successful=True)
+        # A value that is there already is no change, so a dump of all parameters can be loaded again.
+        wanted = parameters.ours(given).items()
+        changes = {name: value for name, value in wanted if value != self.get_parameter(name).value}
+        try:
+            self._change = self._prepare(changes) if changes else None
+        except ValueError as error:
+            self.get_logger().warning(f"parameters refused: {error}")
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _prepare(self, changes: Mapping[str, Any]) -> Change:
+        parameters.check_changeable(self._settings, changes)
+        self._check_at_rest(f"a change of {', '.join(changes)}")
+        now = {name: value for name, value in changes.items() if name != "scene"}
+        settings = parameters.change_settings(self._settings, now) if now else self._settings
+        same = "scene" not in changes and self._after_reset is self._settings
+        after_reset = settings if same else parameters.change_settings(self._after_reset, changes)
+        simulation = self._simulation
+        if settings.scene.physics != self._scene.physics:
+            simulation = self._resting(settings.scene, simulation.positions, simulation.angular_velocities)
+        return Change(settings, after_reset, simulation)
+
+    def _resting(self, scene: Scene, positions: NDArray[np.float64], spins: NDArray[np.float64]) -> Simulation:
+        # The scene's balls at rest at these positions, at the present time.
+        still = np.zeros_like(positions)
+        laid = dataclasses.replace(scene, positions=positions, velocities=still, angular_velocities=spins, shot=None)
+        simulation = Simulation(laid)
+        simulation.advance(self._simulation.time)
+        return simulation
+
+    def _on_parameters_set(self, _: list[Parameter]) -> None:
+        if self._change is None:
+            return
+        change, self._change = self._change, None
+        self._settings, self._after_reset = change.settings, change.after_reset
+        self._simulation = change.simulation
+        self._set_rates()
+
+    def _set_rates(self) -> None:
+        _set_rate(self._ticks, self._settings.update_rate)
+        _set_rate(self._marker_ticks, self._settings.marker_rate)
+
+    def _make_messages(self) -> None:
+        radius = self._scene.physics.radius
+        self._poses = messages.new_poses(len(self._scene), radius)
+        self._twists = [messages.new_twist(name) for name in self._scene.names]
+        self._twists_due = [True] * len(self._scene)
+        self._ball_markers = markers.new_ball_markers(self._scene.names, radius)
 
     def _publish_events(self, events: Sequence[Event]) -> None:
         if len(events) == 0 or self._collisions_publisher.get_subscription_count() == 0:
@@ -174,6 +292,10 @@ class TableNode(Node):
             return
         markers.update_ball_markers(self._ball_markers, self._simulation.positions.tolist(), self._stamp())
         self._markers_publisher.publish(self._ball_markers)
+
+    def _publish_table_markers(self) -> None:
+        message = markers.table_markers(self._scene.table, self._scene.physics.radius, self._stamp())
+        self._table_markers_publisher.publish(message)
 
     def _publish_at_rest(self) -> None:
         at_rest = self._simulation.at_rest
@@ -238,6 +360,14 @@ def _warm_up(node: TableNode) -> None:
     simulation.strike((100.0, 1.0, 0.0), (0.005, 0.005))
     simulation.run()
     node.get_logger().info(f"engine ready after {time.monotonic() - began:.2f} s")
+
+
+def _set_rate(timer: Timer, rate: float) -> None:
+    """Let a timer tick at this rate, Hz; 0 stops it."""
+    timer.cancel()
+    if rate > 0.0:
+        timer.timer_period_ns = round(messages.NANOSECONDS / rate)
+        timer.reset()
 
 
 def _describe(shot: Shot) -> str:

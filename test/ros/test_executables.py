@@ -53,7 +53,7 @@ BAD_STARTS = [
     ("table", "--ros-args", "-p", "physics.rail_restitution:=1.5"),
     ("table", "--ros-args", "-p", "scene:=nine_ball"),
     ("table", "--ros-args", "-p", "scene:=/nowhere/scene.yaml"),
-    ("table", "--ros-args", "-p", "table.length:=1.0"),
+    ("table", "--ros-args", "-p", "table.length:=0.5"),
     ("shoot",),
     ("shoot", "--force", "80"),
     ("shoot", "--force", "hard", "0"),

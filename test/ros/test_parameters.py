@@ -61,8 +61,8 @@ BAD = [
     ({"scene": 3}, "'scene' must be a string"),
     ({"scene": "nine_ball"}, "neither a file nor one of head_on"),
     ({"scene": "/nowhere/scene.yaml"}, "neither a file nor one of head_on"),
-    ({"physics.radius": 0.03}, "balls '1' and '2' overlap"),
-    ({"table.length": 1.0}, "reaches"),
+    ({"table.length": 0.5}, "scene 'eight_ball' does not fit these physics and table parameters: ball"),
+    ({"physics.radius": 0.6}, "reaches"),
 ]
 
 
@@ -86,7 +86,7 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     assert list(document) == ["/**"]
     defaults = parameters.read_settings({})
     given = document["/**"]["ros__parameters"]
-    assert given == {name: getattr(defaults, name) for name in parameters.RATES} | {"scene": "eight_ball"}
+    assert given == {name: getattr(defaults, name) for name in parameters.NUMBERS} | {"scene": "eight_ball"}
     whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )?\w+:)", "    ", text))["/**"]["ros__parameters"]
     for group, owner in parameters.GROUPS.items():
         assert whole[group] == {field: getattr(owner(), field) for field in quantities(owner)}
@@ -94,10 +94,30 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     assert parameters.read_settings(given).scene.physics == bs.Physics()
 
 
+WPA = {"wpa_9ft.yaml": (100, 50), "wpa_8ft.yaml": (92, 46)}
+"""Playing areas, inches."""
+
+
+@pytest.mark.parametrize("name", WPA)
+def test_wpa_tables_are_within_the_specification(name: str) -> None:
+    document = yaml.safe_load((CONFIG / name).read_text())
+    assert list(document) == ["/**"]
+    groups = document["/**"]["ros__parameters"]
+    given = {"scene": groups["scene"]}
+    given |= {f"{group}.{key}": value for group in parameters.GROUPS for key, value in groups[group].items()}
+    scene = parameters.read_settings(given).scene
+    inches = (scene.table.length / 0.0254, scene.table.width / 0.0254)
+    assert inches == pytest.approx(WPA[name], abs=1e-9)
+    assert 4.0 <= scene.table.rail_thickness / 0.0254 <= 7.5
+    assert 2.0 * scene.physics.radius == pytest.approx(2.25 * 0.0254, abs=1e-12)
+    assert 5.5 <= scene.physics.mass / 0.028349523125 <= 6.0
+    assert scene.positions[1] == pytest.approx(scene.table.foot_spot, abs=1e-12)
+
+
 def test_help_names_every_parameter_with_default_and_unit() -> None:
     text = parameters.help_lines()
     names = [f"{group}.{field}" for group, owner in parameters.GROUPS.items() for field in quantities(owner)]
-    for name in ("scene", *parameters.RATES, *names):
+    for name in ("scene", *parameters.NUMBERS, *names):
         assert f"\n  {name} (" in f"\n{text}"
     for part in ("update_rate (100 Hz, ", "physics.mass (0.16 kg, > 0): ", "physics.rolling_friction (0.01, >= 0): "):
         assert part in text
@@ -105,11 +125,16 @@ def test_help_names_every_parameter_with_default_and_unit() -> None:
 
 @pytest.fixture
 def make_node() -> Iterator[Callable[..., TableNode]]:
+    nodes = []
+
     def make(*given: str) -> TableNode:
         rclpy.init(args=["table", "--ros-args", *(part for one in given for part in ("-p", one))])
-        return TableNode()
+        nodes.append(TableNode())
+        return nodes[-1]
 
     yield make
+    for node in nodes:
+        node.destroy_node()
     rclpy.try_shutdown()
 
 
@@ -128,9 +153,9 @@ def test_every_parameter_is_described(make_node: Callable[..., TableNode]) -> No
             descriptor = node.describe_parameter(f"{group}.{field}")
             unit = "" if declared.unit == "1" else f", {declared.unit}"
             assert descriptor.description == declared.help + unit
-            assert descriptor.additional_constraints == declared.bounds()
+            assert descriptor.additional_constraints.startswith(f"{declared.bounds()}; ")
             assert descriptor.floating_point_range[0].to_value == declared.maximum
-            assert descriptor.read_only
+            assert descriptor.type == rclpy.Parameter.Type.DOUBLE.value
 
 
 def test_ros_own_parameters_are_unharmed(make_node: Callable[..., TableNode]) -> None:
@@ -142,3 +167,123 @@ def test_ros_own_parameters_are_unharmed(make_node: Callable[..., TableNode]) ->
 
 def test_a_parameter_of_nobody_is_named(make_node: Callable[..., TableNode]) -> None:
     assert parameters.unknown(make_node("update_rat:=5", "use_sim_time:=false")) == ["update_rat"]
+
+
+@pytest.fixture
+def table(make_node: Callable[..., TableNode]) -> TableNode:
+    """A table that rests and is not spun: parameters change at once."""
+    node = make_node()
+    node.start()
+    return node
+
+
+def change(node: TableNode, **changes: object) -> str:
+    """Set several parameters in one call, with _ for the dot; returns the reason of a refusal."""
+    given = [rclpy.Parameter(name.replace("__", "."), value=value) for name, value in changes.items()]
+    result = node.set_parameters_atomically(given)
+    assert result.successful is (result.reason == "")
+    return result.reason
+
+
+def test_physics_change_at_rest_and_the_balls_stay(table: TableNode) -> None:
+    table.advance(0.5)
+    before = table.simulation
+    assert change(table, physics__mass=0.17, physics__sliding_friction=0.3) == ""
+    after = table.simulation
+    assert (after.scene.physics.mass, after.scene.physics.sliding_friction) == (0.17, 0.3)
+    assert np.array_equal(after.positions, before.positions)
+    assert (after.time, after.at_rest) == (0.5, True)
+    after.strike((85.0, 0.0, 0.0))
+    assert after.velocities[0, 0] == pytest.approx(5.0)
+
+
+def test_an_integer_becomes_a_double(table: TableNode) -> None:
+    assert change(table, physics__mass=1, update_rate=50) == ""
+    for name, value in (("physics.mass", 1.0), ("update_rate", 50.0)):
+        parameter = table.get_parameter(name)
+        assert (parameter.type_, parameter.value) == (rclpy.Parameter.Type.DOUBLE, value)
+    assert table.settings.update_rate == 50.0
+
+
+REFUSED_CHANGES = [
+    ({"physics__mass": -1.0}, "physics.mass out of range"),
+    ({"physics__mass": 0}, "'physics.mass' must be a number > 0 (kg), got 0.0"),
+    ({"physics__mass": float("inf")}, "'physics.mass' must be a number > 0 (kg), got inf"),
+    ({"physics__mass": "heavy"}, "Wrong parameter type"),
+    ({"physics__rail_restitution": 2}, "physics.rail_restitution out of range"),
+    ({"update_rate": 5000}, "update_rate out of range"),
+    ({"table__length": 2.54}, "'table.length' is fixed while the node runs, at 2.34 m; got 2.54"),
+    ({"physics__radius": 0.03}, "'physics.radius' is fixed while the node runs, at 0.028575 m; got 0.03"),
+    ({"scene": "nine_ball"}, "'nine_ball' is neither a file nor one of head_on"),
+    ({"scene": "/nowhere/scene.yaml"}, "'/nowhere/scene.yaml' is neither a file nor one of"),
+    ({"use_sim_time": "yes"}, "Wrong parameter type"),
+]
+
+
+@pytest.mark.parametrize(("changes", "reason"), REFUSED_CHANGES)
+def test_a_bad_change_is_refused_together_with_what_comes_with_it(table: TableNode, changes: dict, reason: str) -> None:
+    before = (table.settings, table.simulation)
+    assert reason in change(table, physics__gravity=9.8, **changes)
+    assert (table.settings, table.simulation) == before
+    assert table.get_parameter("physics.gravity").value == 9.81
+    assert change(table, physics__gravity=9.8) == ""
+
+
+def test_unknown_parameters_are_refused_as_by_any_node(table: TableNode) -> None:
+    with pytest.raises(rclpy.exceptions.ParameterNotDeclaredException):
+        change(table, physics__mas=1.0)
+    assert change(table, use_sim_time=True) == ""
+    assert change(table, use_sim_time=False) == ""
+
+
+def test_nothing_changes_while_balls_move(table: TableNode) -> None:
+    table.simulation.strike((80.0, 0.0, 0.0))
+    for changes in ({"physics__mass": 0.17}, {"update_rate": 50.0}, {"scene": "head_on"}):
+        reason = change(table, **changes)
+        name = next(iter(changes)).replace("__", ".")
+        assert reason == f"every ball must rest before a change of {name}: ball 'cue' moves at 5 m/s"
+    assert change(table, physics__mass=0.16, update_rate=100.0, scene="eight_ball") == ""  # as they are
+
+
+def test_a_dump_of_all_parameters_can_be_loaded(table: TableNode) -> None:
+    values = {name.replace(".", "__"): value for name, value in table.settings.values().items()}
+    before = table.settings
+    assert change(table, **values) == ""
+    assert table.settings is before
+
+
+def test_a_new_scene_with_its_table_and_balls_waits_for_the_reset(table: TableNode, tmp_path: Path) -> None:
+    assert change(table, physics__sliding_friction=0.3) == ""
+    assert change(table, scene=scene_file(tmp_path)) == ""
+    assert len(table.simulation.positions) == 16
+    assert table.get_parameter("table.length").value == 2.34
+
+    assert "two.yaml" in table.reset()
+    assert np.array_equal(table.simulation.positions, [[0.5, 0.5], [1.0, 0.5]])
+    shown = {name: table.get_parameter(name).value for name in table.settings.values()}
+    assert shown == table.settings.values()
+    assert (shown["table.length"], shown["physics.mass"]) == (2.54, 0.17)
+    assert shown["physics.sliding_friction"] == 0.3  # given, so it holds for every scene
+    assert change(table, scene="eight_ball") == ""
+    table.reset()
+    assert (table.get_parameter("table.length").value, len(table.simulation.positions)) == (2.34, 16)
+
+
+def test_a_scene_that_waits_keeps_what_is_set_meanwhile(table: TableNode, tmp_path: Path) -> None:
+    path = scene_file(tmp_path)
+    assert change(table, scene=path) == ""
+    assert change(table, physics__mass=0.2, marker_rate=0) == ""
+    assert table.simulation.scene.physics.mass == 0.2
+    Path(path).unlink()  # it was read when it was set
+    table.reset()
+    assert (table.settings.scene.physics.mass, table.settings.marker_rate) == (0.2, 0.0)
+    assert len(table.simulation.positions) == 2
+
+
+def test_a_scene_that_does_not_fit_the_given_table_is_refused(
+    make_node: Callable[..., TableNode], tmp_path: Path
+) -> None:
+    node = make_node("table.width:=0.45")
+    node.start()
+    assert "does not fit these physics and table parameters" in change(node, scene=scene_file(tmp_path))
+    assert node.get_parameter("scene").value == "eight_ball"

@@ -14,7 +14,7 @@ README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
 def rows() -> list[str]:
     rows = [f"| `scene` | `{parameters.DEFAULT_SCENE}` | | | {parameters.SCENE_HELP} |"]
-    declared = [(name, default, quantity) for name, (default, quantity) in parameters.RATES.items()]
+    declared = [(name, default, quantity) for name, (default, quantity) in parameters.NUMBERS.items()]
     for group, owner in parameters.GROUPS.items():
         for field, quantity in quantities(owner).items():
             declared.append((f"{group}.{field}", getattr(owner(), field), quantity))
