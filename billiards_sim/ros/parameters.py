@@ -40,13 +40,20 @@ NUMBERS = {
 }
 """Default and quantity of each number of the node's own."""
 
+SWITCHES = {
+    "publish_clock": (False, "publish the table's time on /clock every tick, for nodes with use_sim_time"),
+}
+"""Default and help of each switch."""
+
+AT_REST = "changeable while all balls rest"
+
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """What parameters that every node has start with."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything the node is told: the scene with all overrides applied, and the numbers of the node's own.
+    """Everything the node is told: the scene with all overrides applied, and what is the node's own.
 
     Attributes:
         given: the parameters that the user gave, by name; the others follow the defaults and the scene.
@@ -58,13 +65,14 @@ class Settings:
     update_rate: float
     real_time_factor: float
     marker_rate: float
+    publish_clock: bool
     given: Mapping[str, Any]
     loaded: Scene
 
     def values(self) -> dict[str, Any]:
         """The value of every parameter, by name."""
         values: dict[str, Any] = {"scene": self.scene_name}
-        values |= {name: getattr(self, name) for name in NUMBERS}
+        values |= {name: getattr(self, name) for name in (*NUMBERS, *SWITCHES)}
         for name, _ in _group_quantities():
             group, _, field = name.partition(".")
             values[name] = getattr(getattr(self.scene, group), field)
@@ -87,7 +95,10 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
         if dot and group in GROUPS and name not in dict(_group_quantities()):
             known = ", ".join(quantities(GROUPS[group]))
             raise ValueError(f"no parameter {name!r}; under {group!r} there are {known}")
-    numbers = {name: number(name, given.get(name, default), declared) for name, (default, declared) in NUMBERS.items()}
+    own: dict[str, Any] = {
+        name: number(name, given.get(name, default), declared) for name, (default, declared) in NUMBERS.items()
+    }
+    own |= {name: switch(name, given.get(name, default)) for name, (default, _) in SWITCHES.items()}
     scene_name = given.get("scene", DEFAULT_SCENE)
     loaded = loaded or find_scene(scene_name)
     groups = {}
@@ -102,7 +113,7 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
         scene = BUILT_IN[scene_name](**groups) if scene_name in BUILT_IN else dataclasses.replace(loaded, **groups)
     except ValueError as error:
         raise ValueError(f"scene {scene_name!r} does not fit these physics and table parameters: {error}") from None
-    return Settings(scene, scene_name, **numbers, given=dict(given), loaded=loaded)
+    return Settings(scene, scene_name, **own, given=dict(given), loaded=loaded)
 
 
 def change_settings(settings: Settings, changes: Mapping[str, Any]) -> Settings:
@@ -182,6 +193,17 @@ def number(name: str, given: Any, declared: Quantity) -> float:
     return value
 
 
+def switch(name: str, given: Any) -> bool:
+    """A parameter's value as a truth value.
+
+    Raises:
+        ValueError: neither true nor false.
+    """
+    if not isinstance(given, bool):
+        raise ValueError(f"parameter {name!r} must be true or false, got {given!r}")
+    return given
+
+
 def take_overrides(node: Node) -> dict[str, Any]:
     """The values that the user gave on the command line or in a parameter file, by name.
 
@@ -191,6 +213,7 @@ def take_overrides(node: Node) -> dict[str, Any]:
     names = [
         "scene",
         *NUMBERS,
+        *SWITCHES,
         *(name for name in node.get_parameters_by_prefix("") if name.partition(".")[0] in GROUPS),
     ]
     given = {}
@@ -212,6 +235,9 @@ def declare(node: Node, settings: Settings) -> None:
     )
     for name, (_, declared) in NUMBERS.items():
         _declare_number(node, name, values[name], declared)
+    for name, (_, text) in SWITCHES.items():
+        descriptor = ParameterDescriptor(description=text, additional_constraints=AT_REST)
+        node.declare_parameter(name, values[name], descriptor, ignore_override=True)
     for name, declared in _group_quantities():
         _declare_number(node, name, values[name], declared)
 
@@ -227,6 +253,8 @@ def help_lines() -> str:
     lines = [f"  scene ({DEFAULT_SCENE}): {SCENE_HELP}"]
     for name, (default, declared) in NUMBERS.items():
         lines.append(f"  {name} ({default:g}{_unit(declared)}, {declared.bounds()}): {declared.help}")
+    for name, (on, text) in SWITCHES.items():
+        lines.append(f"  {name} ({str(on).lower()}): {text}")
     for name, declared in _group_quantities():
         group, _, field = name.partition(".")
         default = getattr(GROUPS[group](), field)
@@ -235,7 +263,7 @@ def help_lines() -> str:
 
 
 def _names() -> set[str]:
-    return {"scene", *NUMBERS, *dict(_group_quantities())}
+    return {"scene", *NUMBERS, *SWITCHES, *dict(_group_quantities())}
 
 
 def _group_quantities() -> Iterator[tuple[str, Quantity]]:
@@ -250,7 +278,7 @@ def _unit(declared: Quantity) -> str:
 
 def _declare_number(node: Node, name: str, value: float, declared: Quantity) -> None:
     bounds = FloatingPointRange(from_value=max(declared.minimum, declared.above), to_value=declared.maximum, step=0.0)
-    change = "fixed while the node runs" if is_geometry(name) else "changeable while all balls rest"
+    change = "fixed while the node runs" if is_geometry(name) else AT_REST
     descriptor = ParameterDescriptor(
         description=f"{declared.help},{_unit(declared)}".rstrip(","),
         additional_constraints=f"{declared.bounds()}; {change}",

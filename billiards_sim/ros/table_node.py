@@ -20,10 +20,12 @@ from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import USAGE_ERROR, Parser
@@ -79,7 +81,9 @@ class TableNode(Node):
         self._after_reset = self._settings
         self._change: Change | None = None
         self._adopting = False
+        self._clock_message = ClockMessage()
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._paused = False
         self._twist_subscribers = 0
         self._make_messages()
 
@@ -117,11 +121,14 @@ class TableNode(Node):
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.add_post_set_parameters_callback(self._on_parameters_set)
         self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/step", self._on_step)
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
         # The steady clock goes on where nobody publishes the time that the node itself may follow.
         self._ticks = self.create_timer(1.0, self._on_tick, clock=self._steady_clock)
         self._marker_ticks = self.create_timer(1.0, self._publish_markers, clock=self._steady_clock)
-        self._set_rates()
+        self._clock_publisher: Publisher | None = None
+        self._apply_settings()
 
     def advance(self, duration: float) -> None:
         """Go on by `duration` s of simulated time and publish the state."""
@@ -131,6 +138,7 @@ class TableNode(Node):
             self.get_logger().error(f"the table goes back to the start of its scene: {error}")
             self._publish_events(error.events)
             self._restart()
+        self._publish_clock()
         self._publish_poses()
         self._publish_twists()
         self._publish_at_rest()
@@ -145,8 +153,28 @@ class TableNode(Node):
         self._publish_at_rest()
         return f"{len(self._scene)} balls back at the start of scene {self._settings.scene_name}"
 
+    @property
+    def _tick_time(self) -> float:
+        return self._settings.real_time_factor / self._settings.update_rate  # s, simulated
+
     def _on_tick(self) -> None:
-        self.advance(self._settings.real_time_factor / self._settings.update_rate)
+        self.advance(0.0 if self._paused else self._tick_time)
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = request.data
+        response.success = True
+        response.message = f"{'paused' if self._paused else 'running'} at {self._simulation.time:.9g} s"
+        self.get_logger().info(response.message)
+        return response
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._paused
+        if self._paused:
+            self.advance(self._tick_time)
+            response.message = f"stepped to {self._simulation.time:.9g} s"
+        else:
+            response.message = "the table is not paused: call pause with true first"
+        return response
 
     def _on_cue_shot(self, message: WrenchStamped) -> None:
         try:
@@ -242,11 +270,17 @@ class TableNode(Node):
         change, self._change = self._change, None
         self._settings, self._after_reset = change.settings, change.after_reset
         self._simulation = change.simulation
-        self._set_rates()
+        self._apply_settings()
 
-    def _set_rates(self) -> None:
+    def _apply_settings(self) -> None:
         _set_rate(self._ticks, self._settings.update_rate)
         _set_rate(self._marker_ticks, self._settings.marker_rate)
+        # Only a table that is told to publishes on /clock: one time for all nodes has one source.
+        if self._settings.publish_clock and self._clock_publisher is None:
+            self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
+        elif not self._settings.publish_clock and self._clock_publisher is not None:
+            self.destroy_publisher(self._clock_publisher)
+            self._clock_publisher = None
 
     def _make_messages(self) -> None:
         radius = self._scene.physics.radius
@@ -262,6 +296,11 @@ class TableNode(Node):
         for event in events:
             text = messages.collision_json(event, self._stamps.at(event.time), radius)
             self._collisions_publisher.publish(String(data=text))
+
+    def _publish_clock(self) -> None:
+        if self._clock_publisher is not None:
+            messages.set_stamp(self._clock_message.clock, self._stamp())
+            self._clock_publisher.publish(self._clock_message)
 
     def _publish_poses(self) -> None:
         if self._poses_publisher.get_subscription_count() == 0:

@@ -9,14 +9,18 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import rclpy
+import rclpy.parameter
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, VelocityStamped, WrenchStamped
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 START_TIMEOUT = 120.0
@@ -130,6 +134,9 @@ class Client:
         self._subscribe(PoseArray, "balls/poses", self.poses.append)
         self.cue = self.node.create_publisher(WrenchStamped, "cue_shot", 10)
         self._reset = self.node.create_client(Trigger, "table/reset")
+        self._pause = self.node.create_client(SetBool, "table/pause")
+        self._step = self.node.create_client(Trigger, "table/step")
+        self._parameters = AsyncParameterClient(self.node, "table")
 
     def connect(self) -> None:
         """Wait until the table hears this client and the client hears the table."""
@@ -139,7 +146,8 @@ class Client:
                 and self.at_rest
                 and self.table_markers
                 and self.cue.get_subscription_count() == 1
-                and self._reset.service_is_ready()
+                and all(one.service_is_ready() for one in (self._reset, self._pause, self._step))
+                and self._parameters.services_are_ready()
             )
         )
 
@@ -158,7 +166,40 @@ class Client:
         return self.results[-1]
 
     def reset(self) -> Trigger.Response:
-        future = self._reset.call_async(Trigger.Request())
+        return self._result(self._reset.call_async(Trigger.Request()))
+
+    def pause(self, on: bool) -> SetBool.Response:
+        return self._result(self._pause.call_async(SetBool.Request(data=on)))
+
+    def step(self) -> Trigger.Response:
+        return self._result(self._step.call_async(Trigger.Request()))
+
+    def set_parameters(self, **values: object) -> list[SetParametersResult]:
+        """Each on its own, as `ros2 param load` does."""
+        return self._result(self._parameters.set_parameters(_parameters(values))).results
+
+    def set_parameters_atomically(self, **values: object) -> SetParametersResult:
+        return self._result(self._parameters.set_parameters_atomically(_parameters(values))).result
+
+    def get_parameters(self, *names: str) -> list[object]:
+        values = self._result(self._parameters.get_parameters(list(names))).values
+        return [rclpy.parameter.parameter_value_to_python(value) for value in values]
+
+    def set_own_parameters(self, **values: object) -> None:
+        assert all(one.successful for one in self.node.set_parameters(_parameters(values)))
+
+    def fresh_poses(self, count: int = 1) -> list[PoseArray]:
+        """The next poses to arrive of which the first is sure to be sent after this call: on a topic they keep their
+        order, so one that was on its way is skipped."""
+        before = len(self.poses)
+        self.spin_until(lambda: len(self.poses) > before + count)
+        return self.poses[before + 1 : before + 1 + count]
+
+    def stamps(self, count: int) -> list[int]:
+        """Of the next poses, ns."""
+        return [stamp_ns(message.header.stamp) for message in self.fresh_poses(count)]
+
+    def _result(self, future: rclpy.Future) -> Any:
         self.spin_until(future.done)
         return future.result()
 
@@ -180,6 +221,10 @@ class Client:
 
     def _subscribe(self, kind: type, topic: str, callback: Callable, qos: QoSProfile | int = DEPTH) -> None:
         self.node.create_subscription(kind, topic, callback, qos)
+
+
+def _parameters(values: Mapping[str, object]) -> list[rclpy.Parameter]:
+    return [rclpy.Parameter(name, value=value) for name, value in values.items()]
 
 
 def stamp_ns(stamp: Time) -> int:

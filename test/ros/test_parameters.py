@@ -54,6 +54,7 @@ BAD = [
     ({"update_rate": float("nan")}, "'update_rate' must be a number"),
     ({"real_time_factor": -1.0}, "'real_time_factor' must be a number"),
     ({"marker_rate": -1}, "'marker_rate' must be a number"),
+    ({"publish_clock": 1}, "'publish_clock' must be true or false, got 1"),
     ({"physics.mass": 0.0}, "'physics.mass' must be a number > 0"),
     ({"physics.rail_restitution": 1.5}, "got 1.5"),
     ({"physics.mas": 0.1}, "no parameter 'physics.mas'"),
@@ -86,7 +87,9 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     assert list(document) == ["/**"]
     defaults = parameters.read_settings({})
     given = document["/**"]["ros__parameters"]
-    assert given == {name: getattr(defaults, name) for name in parameters.NUMBERS} | {"scene": "eight_ball"}
+    assert given == {name: getattr(defaults, name) for name in (*parameters.NUMBERS, *parameters.SWITCHES)} | {
+        "scene": "eight_ball"
+    }
     whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )?\w+:)", "    ", text))["/**"]["ros__parameters"]
     for group, owner in parameters.GROUPS.items():
         assert whole[group] == {field: getattr(owner(), field) for field in quantities(owner)}
@@ -117,7 +120,7 @@ def test_wpa_tables_are_within_the_specification(name: str) -> None:
 def test_help_names_every_parameter_with_default_and_unit() -> None:
     text = parameters.help_lines()
     names = [f"{group}.{field}" for group, owner in parameters.GROUPS.items() for field in quantities(owner)]
-    for name in ("scene", *parameters.NUMBERS, *names):
+    for name in ("scene", *parameters.NUMBERS, *parameters.SWITCHES, *names):
         assert f"\n  {name} (" in f"\n{text}"
     for part in ("update_rate (100 Hz, ", "physics.mass (0.16 kg, > 0): ", "physics.rolling_friction (0.01, >= 0): "):
         assert part in text

@@ -14,6 +14,7 @@ README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
 def rows() -> list[str]:
     rows = [f"| `scene` | `{parameters.DEFAULT_SCENE}` | | | {parameters.SCENE_HELP} |"]
+    rows += [f"| `{name}` | {str(on).lower()} | | | {text} |" for name, (on, text) in parameters.SWITCHES.items()]
     declared = [(name, default, quantity) for name, (default, quantity) in parameters.NUMBERS.items()]
     for group, owner in parameters.GROUPS.items():
         for field, quantity in quantities(owner).items():

@@ -1,0 +1,105 @@
+"""Parameters, pause, step and the clock over DDS, with the table in a process of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import Site
+from process import Client, positions, stamp_ns
+from rosgraph_msgs.msg import Clock
+
+import billiards_sim as bs
+from billiards_sim.ros.wrench import wrench_from_shot
+
+SHOT = wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def player(shared_site: Site) -> Client:
+    shared_site.table("scene:=eight_ball")
+    return shared_site.client()
+
+
+def test_parameters_change_from_another_process(player: Client) -> None:
+    assert [one.reason for one in player.set_parameters(update_rate=50)] == [""]
+    assert set(np.diff(player.stamps(6)[1:])) == {20_000_000}
+    changes = {"physics.mass": 0.17, "table.length": 2.54, "marker_rate": -1.0, "physics.mas": 1.0}
+    results = player.set_parameters(**changes)
+    assert [one.successful for one in results] == [True, False, False, False]
+    assert all(one.reason for one in results[1:])
+    result = player.set_parameters_atomically(**{"physics.mass": 0.18, "physics.cue_contact_time": 0})
+    assert result.successful is False
+    assert "'physics.cue_contact_time' must be a number > 0 (s), got 0.0" in result.reason
+    assert player.get_parameters("physics.mass", "update_rate") == [0.17, 50.0]
+    assert [one.successful for one in player.set_parameters(**{"physics.mass": 0.16, "update_rate": 100})] == [True] * 2
+
+
+def test_a_paused_table_stands_still_and_goes_step_by_step(player: Client) -> None:
+    player.reset()
+    refused = player.step()
+    assert refused.success is False
+    assert "not paused" in refused.message
+    assert player.pause(True).success
+    shot = player.shoot(SHOT)
+    assert shot["accepted"]
+    start = player.fresh_poses()
+    assert stamp_ns(player.fresh_poses(5)[-1].header.stamp) == stamp_ns(start[0].header.stamp)
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation.advance(shot["time"])
+    simulation.strike((80.0, 0.0, 0.0))
+    for _ in range(3):
+        assert player.step().success
+        simulation.advance(0.01)
+    began = stamp_ns(start[0].header.stamp)
+    stepped = player.next_poses(after=began + 20_000_002)[0]
+    assert stamp_ns(stepped.header.stamp) - began == pytest.approx(30_000_000, abs=2)
+    assert positions(stepped)[0][0] == pytest.approx(simulation.positions[0, 0], abs=1e-12)
+    assert positions(stepped)[0][0] > positions(start[0])[0][0] + 0.1
+
+    player.reset()
+    assert player.step().success  # a reset does not end the pause
+    assert player.pause(False).success
+    player.next_poses(after=stamp_ns(stepped.header.stamp) + 50_000_000)
+
+
+@pytest.mark.parametrize("sim_time", ["false", "true"])
+def test_a_node_on_sim_time_follows_the_table(site: Site, sim_time: str) -> None:
+    # With sim time the table listens to its own clock; it must not wait for it.
+    site.table("publish_clock:=true", "real_time_factor:=2.0", f"use_sim_time:={sim_time}")
+    client = site.client()
+    times: list[int] = []
+    client.node.create_subscription(Clock, "/clock", lambda message: times.append(stamp_ns(message.clock)), 100)
+    client.spin_until(lambda: len(times) >= 100)
+    assert set(np.diff(times)) <= {19_999_999, 20_000_000, 20_000_001}
+    assert {stamp_ns(message.header.stamp) for message in client.poses} & set(times)
+    client.set_own_parameters(use_sim_time=True)
+    client.spin_until(lambda: client.node.get_clock().now().nanoseconds in times)
+
+
+def test_the_clock_can_be_turned_on_and_off_at_rest(site: Site) -> None:
+    site.table()
+    client = site.client()
+    assert client.node.count_publishers("/clock") == 0
+    assert client.set_parameters(publish_clock=True)[0].successful
+    client.spin_until(lambda: client.node.count_publishers("/clock") == 1)
+    assert client.set_parameters(publish_clock=False)[0].successful
+    client.spin_until(lambda: client.node.count_publishers("/clock") == 0)
+
+
+def test_two_tables_in_namespaces_do_not_hear_each_other(site: Site) -> None:
+    site.table("scene:=eight_ball", remap="__ns:=/left")
+    site.table("scene:=eight_ball", remap="__ns:=/right")
+    left, right = site.client(namespace="left"), site.client(namespace="right")
+    assert left.set_parameters(**{"physics.mass": 0.2})[0].successful
+    assert right.get_parameters("physics.mass") == [0.16]
+    assert left.shoot(SHOT)["accepted"]
+    left.spin_until(lambda: any(one["kind"] == "ball_ball" for one in left.collisions))
+    first = right.next_poses(5)[-1]
+    assert positions(first) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    assert (right.results, right.collisions, right.at_rest) == ([], [], [True])
+    assert right.shoot(SHOT)["accepted"]  # nor does the ball that moves there matter here
+    right.spin_until(lambda: right.collisions)
+    assert len(left.results) == 1
+    assert left.reset().success
+    left.spin_until(lambda: left.at_rest[-1] is True)
+    assert right.at_rest == [True, False]
