@@ -108,6 +108,6 @@ def collision_json(event: Event, stamp: int, radius: float) -> str:
     )
 
 
-def shot_result_json(accepted: bool, reason: str, time: float) -> str:
-    """The table's answer to a shot at a simulated time (s), as JSON for `shot_result`."""
+def verdict_json(accepted: bool, reason: str, time: float) -> str:
+    """The table's answer at a simulated time (s), as JSON for `shot_result` and `placement_result`."""
     return json.dumps({"accepted": accepted, "reason": reason, "time": time})

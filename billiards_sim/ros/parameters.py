@@ -37,6 +37,10 @@ NUMBERS = {
         Quantity("1", "simulated seconds in a second of the wall clock", minimum=0.001, maximum=1000.0),
     ),
     "marker_rate": (30.0, Quantity("Hz", "messages on markers a second, 0 for none", minimum=0.0, maximum=1000.0)),
+    "placement_tolerance": (
+        0.002,
+        Quantity("m", "overlap with a ball or a rail that place_balls takes for noise", minimum=0.0, maximum=0.02),
+    ),
 }
 """Default and quantity of each number of the node's own."""
 
@@ -65,6 +69,7 @@ class Settings:
     update_rate: float
     real_time_factor: float
     marker_rate: float
+    placement_tolerance: float
     publish_clock: bool
     given: Mapping[str, Any]
     loaded: Scene

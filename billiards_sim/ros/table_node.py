@@ -34,6 +34,7 @@ from billiards_sim.engine.events import Event
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
+from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, wake_on_signals
 from billiards_sim.ros.wrench import shot_from_wrench
 
@@ -94,6 +95,7 @@ class TableNode(Node):
         self._table_markers_publisher = self.create_publisher(MarkerArray, "table_markers", LATCHED)
         self._collisions_publisher = self.create_publisher(String, "collisions", EVENT_DEPTH)
         self._shot_result_publisher = self.create_publisher(String, "shot_result", EVENT_DEPTH)
+        self._placement_result_publisher = self.create_publisher(String, "placement_result", EVENT_DEPTH)
         self._at_rest_publisher = self.create_publisher(Bool, "at_rest", LATCHED)
 
     @property
@@ -124,6 +126,7 @@ class TableNode(Node):
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
+        self.create_subscription(PoseArray, "place_balls", self._on_place_balls, STATE_DEPTH)
         # The steady clock goes on where nobody publishes the time that the node itself may follow.
         self._ticks = self.create_timer(1.0, self._on_tick, clock=self._steady_clock)
         self._marker_ticks = self.create_timer(1.0, self._publish_markers, clock=self._steady_clock)
@@ -183,11 +186,24 @@ class TableNode(Node):
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
             self.get_logger().warning(f"shot refused: {error}")
-            self._publish_shot_result(False, str(error))
+            self._answer(self._shot_result_publisher, False, str(error))
             return
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
-        self._publish_shot_result(True, "")
+        self._answer(self._shot_result_publisher, True)
         self._publish_at_rest()
+
+    def _on_place_balls(self, message: PoseArray) -> None:
+        try:
+            self._check_at_rest("a placement")
+            positions = placed_positions(message, self._scene, self._settings.placement_tolerance)
+            self._simulation = self._resting(self._scene, positions, np.zeros((len(self._scene), 3)))
+        except ValueError as error:
+            self.get_logger().warning(f"placement refused: {error}")
+            self._answer(self._placement_result_publisher, False, str(error))
+            return
+        self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
+        self._twists_due = [True] * len(self._scene)
+        self._answer(self._placement_result_publisher, True)
 
     def _check_at_rest(self, before: str) -> None:
         if self._simulation.at_rest:
@@ -342,9 +358,8 @@ class TableNode(Node):
             self._at_rest = at_rest
             self._at_rest_publisher.publish(Bool(data=at_rest))
 
-    def _publish_shot_result(self, accepted: bool, reason: str) -> None:
-        text = messages.shot_result_json(accepted, reason, self._simulation.time)
-        self._shot_result_publisher.publish(String(data=text))
+    def _answer(self, publisher: Publisher, accepted: bool, reason: str = "") -> None:
+        publisher.publish(String(data=messages.verdict_json(accepted, reason, self._simulation.time)))
 
     def _stamp(self) -> int:
         return self._stamps.at(self._simulation.time)

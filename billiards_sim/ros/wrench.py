@@ -25,15 +25,21 @@ OFFSET_DECIMALS = 16
 them gives an offset that was written in decimals back to the bit after its trip through a torque."""
 
 
+def check_frame(frame: str) -> None:
+    """Raises:
+    ValueError: a frame other than `table` or none.
+    """
+    if frame not in ("", FRAME):
+        raise ValueError(f"frame_id must be {FRAME!r} or empty, got {frame!r}")
+
+
 def shot_from_wrench(message: WrenchStamped) -> Shot:
     """The shot that a wrench stands for. Whether the ball can take it is for `Simulation.strike` to say.
 
     Raises:
         ValueError: not finite, a frame other than `table`, vertical or zero force, torque along the force.
     """
-    frame = message.header.frame_id
-    if frame not in ("", FRAME):
-        raise ValueError(f"frame_id must be {FRAME!r} or empty, got {frame!r}")
+    check_frame(message.header.frame_id)
     force, torque = message.wrench.force, message.wrench.torque
     for name, vector, unit in (("force", force, "N"), ("torque", torque, "N m")):
         if not all(map(math.isfinite, (vector.x, vector.y, vector.z))):

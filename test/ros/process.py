@@ -123,9 +123,11 @@ class Client:
         self.table_markers: list[MarkerArray] = []
         self.collisions: list[dict] = []
         self.results: list[dict] = []
+        self.placements: list[dict] = []
         self.at_rest: list[bool] = []
         # A table learns of these in this order, so whoever hears the last one is known to hear all.
         self._subscribe(String, "shot_result", lambda message: self.results.append(json.loads(message.data)))
+        self._subscribe(String, "placement_result", lambda message: self.placements.append(json.loads(message.data)))
         self._subscribe(String, "collisions", lambda message: self.collisions.append(json.loads(message.data)))
         self._subscribe(VelocityStamped, "balls/twists", self.twists.append)
         self._subscribe(MarkerArray, "markers", self.markers.append)
@@ -133,6 +135,7 @@ class Client:
         self._subscribe(Bool, "at_rest", lambda message: self.at_rest.append(message.data), LATCHED)
         self._subscribe(PoseArray, "balls/poses", self.poses.append)
         self.cue = self.node.create_publisher(WrenchStamped, "cue_shot", 10)
+        self.placer = self.node.create_publisher(PoseArray, "place_balls", 10)
         self._reset = self.node.create_client(Trigger, "table/reset")
         self._pause = self.node.create_client(SetBool, "table/pause")
         self._step = self.node.create_client(Trigger, "table/step")
@@ -145,7 +148,7 @@ class Client:
                 self.poses
                 and self.at_rest
                 and self.table_markers
-                and self.cue.get_subscription_count() == 1
+                and self.cue.get_subscription_count() == self.placer.get_subscription_count() == 1
                 and all(one.service_is_ready() for one in (self._reset, self._pause, self._step))
                 and self._parameters.services_are_ready()
             )
@@ -164,6 +167,14 @@ class Client:
         self.spin_until(lambda: len(self.results) > before)
         assert len(self.results) == before + 1
         return self.results[-1]
+
+    def place(self, message: PoseArray) -> dict:
+        """Publish a placement; returns the verdict."""
+        before = len(self.placements)
+        self.placer.publish(message)
+        self.spin_until(lambda: len(self.placements) > before)
+        assert len(self.placements) == before + 1
+        return self.placements[-1]
 
     def reset(self) -> Trigger.Response:
         return self._result(self._reset.call_async(Trigger.Request()))

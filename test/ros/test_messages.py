@@ -76,6 +76,6 @@ def test_collision_json_says_everything_and_keeps_every_digit() -> None:
 
 
 @pytest.mark.parametrize(("accepted", "reason"), [(True, ""), (False, 'ball "cue" moves')])
-def test_shot_result_json(accepted: bool, reason: str) -> None:
-    read = json.loads(messages.shot_result_json(accepted, reason, 0.1))
+def test_verdict_json(accepted: bool, reason: str) -> None:
+    read = json.loads(messages.verdict_json(accepted, reason, 0.1))
     assert read == {"accepted": accepted, "reason": reason, "time": 0.1}

@@ -28,5 +28,14 @@ def test_parameter_table_is_the_declarations(row: str) -> None:
 
 
 def test_every_topic_of_the_node_is_listed() -> None:
-    for topic in ("cue_shot", "balls/poses", "balls/twists", "markers", "table_markers", "collisions", "shot_result"):
+    for topic in (
+        "cue_shot",
+        "balls/poses",
+        "balls/twists",
+        "markers",
+        "table_markers",
+        "collisions",
+        "shot_result",
+        "place_balls",
+    ):
         assert f"`{topic}`" in README

@@ -1,0 +1,126 @@
+"""Balls where a camera saw them: what a `PoseArray` says, checked, and freed of the camera's noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import PoseArray
+from numpy.typing import NDArray
+
+from billiards_sim.engine.scene import Scene
+from billiards_sim.ros.wrench import check_frame
+
+TOUCHING = 1e-10
+"""m. Overlap at which balls count as touching: a tenth of what a scene allows."""
+
+PASSES = 2000
+"""Rounds of pushing balls apart before there counts as no room; a noisy rack takes some hundred."""
+
+REACH = 0.5
+"""In diameters: how far apart balls are looked after, so that the pairs need not be looked for in every round."""
+
+
+def placed_positions(message: PoseArray, scene: Scene, tolerance: float) -> NDArray[np.float64]:
+    """Where the balls of a scene are after a placement: as the message says, with small overlaps removed.
+
+    Args:
+        message: one pose a ball in the order of the scene; heights and orientations do not matter.
+        scene: names of the balls, table, radius.
+        tolerance: m, by which balls may overlap, or reach into a rail.
+
+    Returns:
+        (N, 2) m, balls apart or touching, inside the rails.
+
+    Raises:
+        ValueError: another frame, another number of poses, a position that is not finite, outside the rails or in
+            another ball by more than the tolerance, or so little room that the balls cannot be separated.
+    """
+    check_frame(message.header.frame_id)
+    if len(message.poses) != len(scene):
+        raise ValueError(
+            f"place_balls takes one pose a ball, {len(scene)} in the order of balls/poses ({scene.names[0]!r} first); "
+            f"got {len(message.poses)}"
+        )
+    points = np.array([(pose.position.x, pose.position.y, pose.position.z) for pose in message.poses])
+    for name, point in zip(scene.names, points):
+        if not np.isfinite(point).all():
+            raise ValueError(f"the position of ball {name!r} must be finite, got {tuple(point.tolist())} m")
+    positions = points[:, :2]
+    radius = scene.physics.radius
+    low = np.array([scene.table.x_min, scene.table.y_min]) + radius
+    high = np.array([scene.table.x_max, scene.table.y_max]) - radius
+    _check_rails(positions, low, high, scene, tolerance)
+    _check_overlaps(positions, scene, tolerance)
+    return separated(positions, low, high, 2.0 * radius)
+
+
+def separated(
+    positions: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], diameter: float
+) -> NDArray[np.float64]:
+    """Balls moved apart until none overlap by more than `TOUCHING`, and into the box; those that are free stay.
+
+    Every round moves the two balls of each overlapping pair apart by its depth, half each; a ball in several pairs
+    takes the mean. So the result does not depend on the order of the balls, up to rounding.
+
+    Args:
+        positions: (N, 2) m.
+        low, high: (2,) m, the box for the centres.
+        diameter: m.
+
+    Raises:
+        ValueError: `PASSES` rounds leave an overlap, or two balls share one centre.
+    """
+    moved = np.clip(positions, low, high)
+    looked = None
+    for _ in range(PASSES):
+        if looked is None or np.abs(moved - looked).max() > 0.25 * REACH * diameter:
+            looked = moved
+            first, second = _pairs(moved, (1.0 + REACH) * diameter)
+        apart = moved[first] - moved[second]
+        distances = np.hypot(apart[:, 0], apart[:, 1])
+        depths = diameter - distances
+        deep = depths > TOUCHING
+        if not deep.any():
+            return moved
+        if not distances.all():
+            raise ValueError("two balls share one centre: there is no telling how to separate them")
+        pushes = (0.5 * depths[deep] / distances[deep])[:, np.newaxis] * apart[deep]
+        balls = np.concatenate((first[deep], second[deep]))
+        count = np.bincount(balls, minlength=len(moved))
+        both = np.concatenate((pushes, -pushes))
+        sums = [np.bincount(balls, weights=both[:, axis], minlength=len(moved)) for axis in range(2)]
+        moved = np.clip(moved + np.column_stack(sums) / np.maximum(count, 1)[:, np.newaxis], low, high)
+    raise ValueError(f"no room to separate the balls: some still overlap by {depths.max():.6g} m")
+
+
+def _pairs(positions: NDArray[np.float64], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    first, second = np.triu_indices(len(positions), 1)
+    near = np.hypot(*(positions[first] - positions[second]).T) < reach
+    return first[near], second[near]
+
+
+def _check_rails(
+    positions: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene, tolerance: float
+) -> None:
+    outside = np.maximum(low - positions, positions - high)
+    ball, axis = np.unravel_index(np.argmax(outside), outside.shape)
+    if outside[ball, axis] > tolerance:
+        raise ValueError(
+            f"ball {scene.names[ball]!r} reaches {outside[ball, axis]:.6g} m into a rail, placement_tolerance is "
+            f"{tolerance:g} m: its {'xy'[axis]} is {positions[ball, axis]:.9g} m, the table allows "
+            f"{low[axis]:.9g} to {high[axis]:.9g} m"
+        )
+
+
+def _check_overlaps(positions: NDArray[np.float64], scene: Scene, tolerance: float) -> None:
+    diameter = 2.0 * scene.physics.radius
+    first, second = _pairs(positions, diameter)
+    if not len(first):
+        return
+    distances = np.hypot(*(positions[first] - positions[second]).T)
+    worst = int(np.argmin(distances))
+    if diameter - distances[worst] > tolerance:
+        raise ValueError(
+            f"balls {scene.names[first[worst]]!r} and {scene.names[second[worst]]!r} overlap by "
+            f"{diameter - distances[worst]:.6g} m, placement_tolerance is {tolerance:g} m: their centres are "
+            f"{distances[worst]:.9g} m apart, two radii are {diameter:.9g} m"
+        )
