@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose, PoseArray, VelocityStamped
+from geometry_msgs.msg import Pose, PoseArray, VelocityStamped, WrenchStamped
 
 from billiards_sim.engine.events import Event
 from billiards_sim.ros.wrench import FRAME
@@ -40,6 +41,11 @@ class Stamps:
 def set_stamp(message: Time, stamp: int) -> None:
     """Write a stamp (ns) into a message."""
     message.sec, message.nanosec = divmod(stamp, NANOSECONDS)
+
+
+def stamp_of(message: WrenchStamped) -> tuple[int, int]:
+    """(sec, nanosec) of a message's header."""
+    return message.header.stamp.sec, message.header.stamp.nanosec
 
 
 def new_poses(count: int, radius: float) -> PoseArray:
@@ -85,27 +91,30 @@ def update_twist(message: VelocityStamped, velocity: Sequence[float], spin: Sequ
 
 
 def collision_json(event: Event, stamp: int, radius: float) -> str:
-    """One engine event as JSON for `collisions`. Points lie at the height of the balls' centres.
+    """One engine event as JSON for `collisions`, see `collision_record`."""
+    return json.dumps(collision_record(event, stamp, radius))
+
+
+def collision_record(event: Event, stamp: int, radius: float) -> dict[str, Any]:
+    """One engine event for JSON. Points lie at the height of the balls' centres.
 
     Args:
         stamp: of the event's own time, ns.
         radius: of the balls, m.
     """
     sec, nanosec = divmod(stamp, NANOSECONDS)
-    return json.dumps(
-        {
-            "version": COLLISION_VERSION,
-            "kind": event.kind,
-            "time": event.time,
-            "stamp": {"sec": sec, "nanosec": nanosec},
-            "balls": event.balls,
-            "rail": event.rail,
-            "point": [*event.point, radius],
-            "normal": [*event.normal, 0.0],
-            "approach_speed": event.approach_speed,
-            "impulse": event.impulse,
-        }
-    )
+    return {
+        "version": COLLISION_VERSION,
+        "kind": event.kind,
+        "time": event.time,
+        "stamp": {"sec": sec, "nanosec": nanosec},
+        "balls": event.balls,
+        "rail": event.rail,
+        "point": [*event.point, radius],
+        "normal": [*event.normal, 0.0],
+        "approach_speed": event.approach_speed,
+        "impulse": event.impulse,
+    }
 
 
 def verdict_json(accepted: bool, reason: str, time: float) -> str:

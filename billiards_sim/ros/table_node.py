@@ -7,6 +7,7 @@ import dataclasses
 import gc
 import sys
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
 from billiards_sim.ros.placement import placed_positions
+from billiards_sim.ros.preview import Preview, predict, preview_json, refusal_json
 from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, wake_on_signals
 from billiards_sim.ros.wrench import shot_from_wrench
 
@@ -46,6 +48,9 @@ EVENT_DEPTH = 1000
 
 STATE_DEPTH = 10
 """Ticks kept for one."""
+
+MOST_PREVIEWS = 100
+"""That wait for their tick; more are refused."""
 
 MOST_BALLS = 22
 """Of the games in use (snooker): twists are kept for as many, or for the first scene's if it has more."""
@@ -85,6 +90,7 @@ class TableNode(Node):
         self._clock_message = ClockMessage()
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._paused = False
+        self._previews: deque[WrenchStamped] = deque()
         self._twist_subscribers = 0
         self._make_messages()
 
@@ -95,6 +101,8 @@ class TableNode(Node):
         self._table_markers_publisher = self.create_publisher(MarkerArray, "table_markers", LATCHED)
         self._collisions_publisher = self.create_publisher(String, "collisions", EVENT_DEPTH)
         self._shot_result_publisher = self.create_publisher(String, "shot_result", EVENT_DEPTH)
+        self._preview_publisher = self.create_publisher(MarkerArray, "preview", STATE_DEPTH)
+        self._preview_result_publisher = self.create_publisher(String, "preview/result", EVENT_DEPTH)
         self._placement_result_publisher = self.create_publisher(String, "placement_result", EVENT_DEPTH)
         self._at_rest_publisher = self.create_publisher(Bool, "at_rest", LATCHED)
 
@@ -126,6 +134,7 @@ class TableNode(Node):
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
+        self.create_subscription(WrenchStamped, "cue_shot/preview", self._on_preview, EVENT_DEPTH)
         self.create_subscription(PoseArray, "place_balls", self._on_place_balls, STATE_DEPTH)
         # The steady clock goes on where nobody publishes the time that the node itself may follow.
         self._ticks = self.create_timer(1.0, self._on_tick, clock=self._steady_clock)
@@ -162,6 +171,9 @@ class TableNode(Node):
 
     def _on_tick(self) -> None:
         self.advance(0.0 if self._paused else self._tick_time)
+        # One a tick and after its messages, so that previews delay no tick by more than one of them takes.
+        if self._previews:
+            self._preview(self._previews.popleft())
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = request.data
@@ -191,6 +203,33 @@ class TableNode(Node):
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
         self._answer(self._shot_result_publisher, True)
         self._publish_at_rest()
+
+    def _on_preview(self, message: WrenchStamped) -> None:
+        if len(self._previews) < MOST_PREVIEWS:
+            self._previews.append(message)
+        else:
+            reason = f"{MOST_PREVIEWS} previews wait already, one a tick is answered"
+            self._preview_result_publisher.publish(String(data=self._preview_refusal(message, reason)))
+
+    def _preview_refusal(self, message: WrenchStamped, reason: str) -> str:
+        return refusal_json(reason, self._simulation.time, messages.stamp_of(message))
+
+    def _preview(self, message: WrenchStamped) -> None:
+        scene = self._scene
+        preview: Preview | None
+        try:
+            shot = shot_from_wrench(message)
+            self._check_at_rest("a preview")
+            preview = predict(self._simulation, shot)
+        except (ValueError, StallError) as error:
+            preview = None
+            text = self._preview_refusal(message, str(error))
+        else:
+            text = preview_json(preview, scene.names, scene.physics.radius, self._stamps, messages.stamp_of(message))
+        self._preview_result_publisher.publish(String(data=text))
+        if self._preview_publisher.get_subscription_count() > 0:
+            drawing = markers.preview_markers(preview, scene.names, scene.physics.radius, self._stamp())
+            self._preview_publisher.publish(drawing)
 
     def _on_place_balls(self, message: PoseArray) -> None:
         try:

@@ -124,9 +124,13 @@ class Client:
         self.collisions: list[dict] = []
         self.results: list[dict] = []
         self.placements: list[dict] = []
+        self.previews: list[dict] = []
+        self.drawings: list[MarkerArray] = []
         self.at_rest: list[bool] = []
         # A table learns of these in this order, so whoever hears the last one is known to hear all.
         self._subscribe(String, "shot_result", lambda message: self.results.append(json.loads(message.data)))
+        self._subscribe(String, "preview/result", lambda message: self.previews.append(json.loads(message.data)))
+        self._subscribe(MarkerArray, "preview", self.drawings.append)
         self._subscribe(String, "placement_result", lambda message: self.placements.append(json.loads(message.data)))
         self._subscribe(String, "collisions", lambda message: self.collisions.append(json.loads(message.data)))
         self._subscribe(VelocityStamped, "balls/twists", self.twists.append)
@@ -135,6 +139,7 @@ class Client:
         self._subscribe(Bool, "at_rest", lambda message: self.at_rest.append(message.data), LATCHED)
         self._subscribe(PoseArray, "balls/poses", self.poses.append)
         self.cue = self.node.create_publisher(WrenchStamped, "cue_shot", 10)
+        self.asker = self.node.create_publisher(WrenchStamped, "cue_shot/preview", 1000)
         self.placer = self.node.create_publisher(PoseArray, "place_balls", 10)
         self._reset = self.node.create_client(Trigger, "table/reset")
         self._pause = self.node.create_client(SetBool, "table/pause")
@@ -148,7 +153,7 @@ class Client:
                 self.poses
                 and self.at_rest
                 and self.table_markers
-                and self.cue.get_subscription_count() == self.placer.get_subscription_count() == 1
+                and all(one.get_subscription_count() == 1 for one in (self.cue, self.placer, self.asker))
                 and all(one.service_is_ready() for one in (self._reset, self._pause, self._step))
                 and self._parameters.services_are_ready()
             )
@@ -167,6 +172,14 @@ class Client:
         self.spin_until(lambda: len(self.results) > before)
         assert len(self.results) == before + 1
         return self.results[-1]
+
+    def preview(self, message: WrenchStamped) -> dict:
+        """Ask what a shot would do; returns the answer."""
+        before = len(self.previews)
+        self.asker.publish(message)
+        self.spin_until(lambda: len(self.previews) > before)
+        assert len(self.previews) == before + 1
+        return self.previews[-1]
 
     def place(self, message: PoseArray) -> dict:
         """Publish a placement; returns the verdict."""

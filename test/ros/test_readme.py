@@ -37,5 +37,11 @@ def test_every_topic_of_the_node_is_listed() -> None:
         "collisions",
         "shot_result",
         "place_balls",
+        "placement_result",
+        "cue_shot/preview",
+        "preview",
+        "preview/result",
+        "~/pause",
+        "~/step",
     ):
         assert f"`{topic}`" in README

@@ -1,0 +1,194 @@
+import json
+
+import numpy as np
+import pytest
+from conftest import Site
+from process import positions
+from visualization_msgs.msg import Marker
+
+import billiards_sim as bs
+from billiards_sim.engine.scene import Shot
+from billiards_sim.ros import markers, messages, preview
+from billiards_sim.ros.wrench import wrench_from_shot
+
+BREAK = Shot((125.0, 6.0, 0.0), (0.004, -0.002))
+RADIUS = bs.Physics().radius
+
+
+def table(**changes: float) -> bs.Simulation:
+    simulation = bs.Simulation(bs.scenes.eight_ball(physics=bs.Physics(**changes)))
+    simulation.advance(1.5)
+    return simulation
+
+
+def test_a_preview_is_what_the_shot_does_and_changes_nothing() -> None:
+    simulation = table()
+    before = simulation.positions
+    found = preview.predict(simulation, BREAK)
+    assert np.array_equal(simulation.positions, before)
+    assert (simulation.time, simulation.at_rest) == (1.5, True)
+    simulation.strike(BREAK.force, BREAK.offset)
+    events = list(simulation.run())
+    assert list(found.events) == events
+    assert found.final_positions == [tuple(row) for row in simulation.positions.tolist()]
+    assert (found.start, found.end, found.complete) == (1.5, events[-1].time, True)
+
+
+def test_paths_pass_through_every_contact() -> None:
+    simulation = table()
+    found = preview.predict(simulation, BREAK)
+    for event in found.events:
+        if event.kind not in ("ball_ball", "ball_rail"):
+            continue
+        for name in event.balls:
+            path = np.array(found.paths[simulation.scene.names.index(name)])
+            gaps = np.hypot(*(path - event.point).T)
+            assert np.abs(gaps - RADIUS).min() < 1e-9
+    for name, path, start in zip(simulation.scene.names, found.paths, simulation.positions.tolist()):
+        assert path[0] == tuple(start)
+        moved = any(name in event.balls for event in found.events)
+        assert (len(path) > 1) is moved
+
+
+def distance_to_line(point: np.ndarray, line: np.ndarray) -> float:
+    """From a point to the nearest of the line's pieces, m."""
+    start, way = line[:-1], np.diff(line, axis=0)
+    share = np.clip(np.sum((point - start) * way, axis=1) / np.sum(way * way, axis=1), 0.0, 1.0)
+    return float(np.hypot(*(start + share[:, np.newaxis] * way - point).T).min())
+
+
+def test_curves_are_drawn_as_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A fast cue ball with draw slides on along a parabola after a thin hit.
+    simulation = bs.Simulation(bs.Scene([[0.5, 0.6], [0.9, 0.63]]))
+    shot = Shot((60.0, 0.0, 0.0), (0.0, -0.014))
+
+    def worst() -> float:
+        path = np.array(preview.predict(simulation, shot).paths[0])
+        twin = simulation.copy()
+        twin.strike(shot.force, shot.offset)
+        away = []
+        while not twin.at_rest:
+            twin.advance(0.01)
+            away.append(distance_to_line(twin.positions[0], path))
+        return max(away)
+
+    assert worst() < 0.002
+    monkeypatch.setattr(preview, "SLICE", 10.0)
+    assert worst() > 0.008
+
+
+def test_a_table_without_friction_ends_at_the_horizon() -> None:
+    found = preview.predict(table(rolling_friction=0.0, rail_restitution=1.0), BREAK)
+    assert found.complete is False
+    assert found.end - found.start <= preview.HORIZON + 1e-9
+    slow = preview.predict(table(rolling_friction=0.0), Shot((0.16, 0.0, 0.0)))
+    assert slow.end - slow.start == pytest.approx(preview.HORIZON)
+
+
+def test_events_end_a_preview(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preview, "MOST_EVENTS", 20)
+    found = preview.predict(table(), BREAK)
+    assert found.complete is False
+    assert 20 <= len(found.events) < 130
+
+
+def test_preview_json_keeps_every_digit() -> None:
+    simulation = table()
+    found = preview.predict(simulation, BREAK)
+    names = simulation.scene.names
+    stamps = messages.Stamps(1_000_000_000)
+    read = json.loads(preview.preview_json(found, names, RADIUS, stamps, (7, 8)))
+    assert {key: read[key] for key in ("version", "accepted", "reason", "time", "complete")} == {
+        "version": 1,
+        "accepted": True,
+        "reason": "",
+        "time": 1.5,
+        "complete": True,
+    }
+    assert read["request"] == {"sec": 7, "nanosec": 8}
+    assert read["duration"] == found.end - 1.5
+    assert read["final_positions"] == dict(zip(names, map(list, found.final_positions)))
+    assert [event["kind"] for event in read["events"]] == [event.kind for event in found.events]
+    assert [event["time"] for event in read["events"]] == [event.time for event in found.events]
+    assert read["events"][0]["stamp"] == {"sec": 2, "nanosec": 500_000_000}
+    refused = json.loads(preview.refusal_json("why", 1.5, (7, 8)))
+    assert refused == {
+        "version": 1,
+        "accepted": False,
+        "reason": "why",
+        "time": 1.5,
+        "request": {"sec": 7, "nanosec": 8},
+    }
+
+
+def test_markers_draw_paths_contacts_and_final_positions() -> None:
+    simulation = bs.Simulation(bs.Scene([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0]]))
+    found = preview.predict(simulation, Shot((30.0, 0.0, 0.0)))
+    first, *others = markers.preview_markers(found, ("cue", "1", "2"), RADIUS, 1_500_000_000).markers
+    assert first.action == Marker.DELETEALL
+    by_id = {(marker.ns, marker.id): marker for marker in others}
+    assert set(by_id) == {
+        ("preview_paths", 0),
+        ("preview_paths", 1),
+        ("preview_contacts", 0),
+        *(("preview_balls", index) for index in range(3)),
+    }
+    assert len(by_id) == len(others)
+    assert all((one.action, one.header.frame_id, one.header.stamp.sec) == (Marker.ADD, "table", 1) for one in others)
+    line = by_id["preview_paths", 1]
+    assert (line.type, line.scale.x > 0.0) == (Marker.LINE_STRIP, True)
+    assert [(p.x, p.y, p.z) for p in line.points] == [(x, y, RADIUS) for x, y in found.paths[1]]
+    contacts = by_id["preview_contacts", 0]
+    hits = [event.point for event in found.events if event.kind in ("ball_ball", "ball_rail")]
+    assert contacts.type == Marker.SPHERE_LIST
+    assert [(p.x, p.y) for p in contacts.points] == hits
+    for index, place in enumerate(found.final_positions):
+        ball = by_id["preview_balls", index]
+        assert (ball.pose.position.x, ball.pose.position.y) == place
+        assert 0.0 < ball.color.a < 1.0
+    assert [one.action for one in markers.preview_markers(None, (), RADIUS, 0).markers] == [Marker.DELETEALL]
+
+
+def test_the_table_answers_within_one_tick_and_then_plays_what_it_said(site: Site) -> None:
+    site.table("scene:=eight_ball", "update_rate:=2", "real_time_factor:=2.0")
+    client = site.client()
+    message = wrench_from_shot(BREAK.force, BREAK.offset)
+    message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
+    client.fresh_poses()
+    ticks = len(client.poses)
+    answer = client.preview(message)
+    assert len(client.poses) - ticks <= 2  # the tick that was on its way, and the one that answered
+    assert (answer["accepted"], answer["complete"], answer["request"]) == (True, True, {"sec": 12, "nanosec": 34})
+    client.spin_until(lambda: client.drawings)
+    assert {marker.ns for marker in client.drawings[0].markers if marker.ns} == {
+        "preview_paths",
+        "preview_contacts",
+        "preview_balls",
+    }
+    assert positions(client.fresh_poses()[0]) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    assert (client.collisions, client.results, client.at_rest) == ([], [], [True])
+
+    off = client.preview(wrench_from_shot((80.0, 0.0, 0.0), (0.03, 0.0)))
+    assert off["accepted"] is False
+    assert "offset must lie on the ball" in off["reason"]
+    client.spin_until(lambda: len(client.drawings) == 2)
+    assert len(client.drawings[1].markers) == 1  # takes the last preview away
+
+    assert client.shoot(wrench_from_shot(BREAK.force, BREAK.offset))["accepted"]
+    moving = client.preview(message)
+    assert "every ball must rest before a preview" in moving["reason"]
+    client.spin_until(lambda: client.at_rest[-1] and len(client.collisions) >= len(answer["events"]))
+    for key in ("kind", "balls", "rail"):
+        assert [one[key] for one in client.collisions] == [one[key] for one in answer["events"]]
+    final = positions(client.fresh_poses(2)[-1])
+    assert np.array(final) == pytest.approx(np.array([*answer["final_positions"].values()]), abs=1e-9)
+
+
+def test_too_many_previews_at_once_are_refused(site: Site) -> None:
+    site.table("scene:=head_on", "update_rate:=5")
+    client = site.client()
+    for _ in range(150):
+        client.asker.publish(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))
+    client.spin_until(lambda: any("100 previews wait already" in one["reason"] for one in client.previews))
+    answered = len(client.previews)
+    client.spin_until(lambda: len(client.previews) > answered)
