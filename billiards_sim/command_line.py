@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import NoReturn
+import re
+from typing import Any, NoReturn
 
 USAGE_ERROR = 2
 """Exit code of a command that was called wrongly."""
@@ -12,6 +13,11 @@ USAGE_ERROR = 2
 
 class Parser(argparse.ArgumentParser):
     """An `ArgumentParser` whose errors are one line on stderr and exit code 2."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        # argparse takes -12deg and -1e-3 for options, and only -12 for a number. No option here starts with a digit.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
         self.exit(USAGE_ERROR, f"{self.prog}: {message} (see {self.prog} --help)\n")

@@ -7,9 +7,7 @@ import math
 import os
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable
-from typing import Any
 
 from geometry_msgs.msg import PoseArray
 from rclpy.executors import SingleThreadedExecutor
@@ -18,6 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.ros.commentary import Commentary
 from billiards_sim.ros.process import STOPPED, Child, StartError, isolate, own_arguments, ros, wake_on_signals
 
 BREAK_FORCE = ("128", "0")
@@ -37,12 +36,9 @@ class Spectator(Node):
     def __init__(self) -> None:
         super().__init__("spectator")
         self.balls = 0
-        self.counts: Counter[str] = Counter()
-        self.first_time = math.nan
-        self.last_time = math.nan
+        self.commentary = Commentary()
         self.largest_overlap = 0.0
         self.at_rest: bool | None = None
-        self.moving: set[str] = set()
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(String, "collisions", self._on_collision, 1000)
         self.create_subscription(PoseArray, "balls/poses", self._on_poses, 100)
@@ -56,22 +52,12 @@ class Spectator(Node):
     @property
     def finished(self) -> bool:
         """Whether the shot is over and the last event has arrived."""
-        return self.counts["shot"] > 0 and self.at_rest is True and not self.moving
+        return self.commentary.finished and self.at_rest is True
 
     def _on_collision(self, message: String) -> None:
-        event = json.loads(message.data)
-        kind = event["kind"]
-        self.counts[kind] += 1
-        self.last_time = event["time"]
-        if kind == "shot":
-            self.first_time = event["time"]
-        if kind == "rest":
-            self.moving.difference_update(event["balls"])
-        else:
-            self.moving.update(event["balls"])
-        line = describe(event)
+        line = self.commentary.take(json.loads(message.data))
         if line:
-            print(f"  {event['time'] - self.first_time:7.4f} s  {line}", flush=True)
+            print(line, flush=True)
 
     def _on_poses(self, message: PoseArray) -> None:
         self.balls = len(message.poses)
@@ -79,18 +65,6 @@ class Spectator(Node):
 
     def _on_at_rest(self, message: Bool) -> None:
         self.at_rest = message.data
-
-
-def describe(event: dict[str, Any]) -> str:
-    """A collision or a shot in words; nothing for the end of slip or of motion."""
-    balls = event["balls"]
-    if event["kind"] == "shot":
-        return f"the cue hits ball {balls[0]} with {event['impulse']:.3g} N s"
-    if event["kind"] == "ball_ball":
-        return f"ball {balls[0]} and ball {balls[1]} at {event['approach_speed']:.3g} m/s"
-    if event["kind"] == "ball_rail":
-        return f"ball {balls[0]} and rail {event['rail']} at {event['approach_speed']:.3g} m/s"
-    return ""
 
 
 def overlap(poses: PoseArray) -> float:
@@ -158,9 +132,10 @@ def _play(timeout: float) -> None:
 
 
 def _print_summary(spectator: Spectator) -> None:
-    counts = spectator.counts
+    commentary = spectator.commentary
+    counts = commentary.counts
     print("demo: summary")
     print(f"  balls            {spectator.balls}")
     print(f"  collisions       {counts['ball_ball']} ball-ball, {counts['ball_rail']} ball-rail")
-    print(f"  time to rest     {spectator.last_time - spectator.first_time:.3f} s")
+    print(f"  time to rest     {commentary.last_time - commentary.first_time:.3f} s")
     print(f"  largest overlap  {spectator.largest_overlap:.3g} m")

@@ -1,4 +1,4 @@
-"""The executable `shoot`: one cue shot, and the table's verdict."""
+"""The executable `shoot`: one cue shot, or what it would do, and the table's verdict."""
 
 from __future__ import annotations
 
@@ -6,24 +6,36 @@ import argparse
 import json
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.engine.scene import Shot
+from billiards_sim.ros.aim import Aim, angle
+from billiards_sim.ros.commentary import Commentary
 from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, wake_on_signals
 from billiards_sim.ros.wrench import wrench_from_shot
 
 REFUSED = 1
 """Exit code of a shot that the table refused or did not answer."""
 
+LAST_EVENTS = 1.0
+"""s that events have to arrive once the table rests: after a reset the missing ones never come."""
+
+CUE_BALL = "cue"
+"""The one ball that `cue_shot` shoots."""
+
 DESCRIPTION = """Publish one cue shot on cue_shot, wait for the table's verdict on shot_result and print it.
-Exit code 0: accepted; 1: refused, or no answer; 2: bad arguments.
+Say it as --speed and --angle, or as --force.
+Exit code 0: accepted; 1: refused, no answer, or stopped; 2: bad arguments.
 The verdict taken is the first after the shot: with several players at one table it may be another's."""
 
 
@@ -32,99 +44,244 @@ class NoAnswer(Exception):
 
 
 class Shooter(Node):
-    """One shot at one table."""
+    """One shot at one table.
 
-    def __init__(self) -> None:
+    Args:
+        timeout: longest wait for the table, its parameters and its answer together, s.
+    """
+
+    def __init__(self, timeout: float) -> None:
         super().__init__("shoot")
-        self._verdict: dict[str, Any] | None = None
-        self._table_heard = False
+        self._deadline = time.monotonic() + timeout
+        self._answer: dict[str, Any] | None = None
+        self._request: dict[str, int] | None = None
+        self._at_rest: bool | None = None
+        self._has_moved = False
+        self._events: deque[dict[str, Any]] = deque()
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
         # In this order: a table announces its latched at_rest only to a subscriber it knows, and learns of the
-        # subscriptions of a process in the order of their making. So once at_rest is here, the verdict will be.
+        # subscriptions of a process in the order of their making. So once at_rest is here, the answers will be.
         self.create_subscription(String, "shot_result", self._on_shot_result, 10)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(String, "preview/result", self._on_preview_result, 100)
+        self.create_subscription(String, "collisions", self._on_collision, 1000)
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
-        self._publisher = self.create_publisher(WrenchStamped, "cue_shot", 10)
+        self._shots = self.create_publisher(WrenchStamped, "cue_shot", 10)
+        self._previews = self.create_publisher(WrenchStamped, "cue_shot/preview", 10)
+        self._parameters = AsyncParameterClient(self, "table")
 
-    def shoot(self, message: WrenchStamped, timeout: float) -> dict[str, Any]:
-        """Publish the shot and wait for the verdict: {"accepted", "reason", "time"}.
+    def parameters(self, *names: str) -> list[float]:
+        """Values of the table's parameters.
 
         Raises:
-            NoAnswer: no table, or no verdict, within `timeout` s.
+            NoAnswer: no table, or no answer in time.
         """
-        executor = SingleThreadedExecutor()
-        executor.add_node(self)
-        deadline = time.monotonic() + timeout
-        topic = self._publisher.topic_name
+        missing = f"no table listens on {self._shots.topic_name}"
+        self._spin_until(self._parameters.services_are_ready, missing)
+        future = self._parameters.get_parameters(list(names))
+        self._spin_until(future.done, f"the table on {self._shots.topic_name} did not tell its parameters")
+        values = future.result().values
+        if len(values) != len(names):
+            raise NoAnswer(f"the node 'table' has no parameters {', '.join(names)}: it is not a billiards table")
+        return [float(value.double_value) for value in values]
 
-        def table_listens() -> bool:
-            return self._table_heard and self._publisher.get_subscription_count() > 0
+    def shoot(self, message: WrenchStamped) -> dict[str, Any]:
+        """Publish the shot; returns the verdict {"accepted", "reason", "time"}.
 
-        _spin_until(executor, table_listens, deadline, f"no table listens on {topic}")
-        self._verdict = None  # of somebody's earlier shot
+        Raises:
+            NoAnswer: no table, or no verdict, in time.
+        """
+        self._wait_for_table(self._shots)
+        self._answer = None  # of somebody's earlier shot
+        self._events.clear()
         message.header.stamp = self.get_clock().now().to_msg()
-        self._publisher.publish(message)
-        _spin_until(executor, lambda: self._verdict is not None, deadline, f"the table on {topic} did not answer")
-        assert self._verdict is not None
-        return self._verdict
+        self._shots.publish(message)
+        return self._wait_for_answer(self._shots)
+
+    def preview(self, message: WrenchStamped) -> dict[str, Any]:
+        """Ask what the shot would do; returns the JSON of `preview/result`.
+
+        Raises:
+            NoAnswer: no table, or no answer, in time.
+        """
+        self._wait_for_table(self._previews)
+        message.header.stamp = stamp = self.get_clock().now().to_msg()
+        self._request = {"sec": stamp.sec, "nanosec": stamp.nanosec}
+        self._previews.publish(message)
+        return self._wait_for_answer(self._previews)
+
+    def watch(self, commentary: Commentary) -> None:
+        """Print the events of an accepted shot until every ball rests, however long that takes.
+
+        Raises:
+            NoAnswer: the table went away.
+        """
+        last = None
+        while not commentary.finished:
+            if self.count_publishers("collisions") == 0:
+                raise NoAnswer("the table went away before the balls came to rest")
+            if self._has_moved and self._at_rest:
+                last = last or time.monotonic() + LAST_EVENTS
+                if time.monotonic() > last:
+                    return
+            self._executor.spin_once(timeout_sec=0.1)
+            while self._events:
+                line = commentary.take(self._events.popleft())
+                if line:
+                    print(line, flush=True)
+
+    def _wait_for_table(self, publisher: Any) -> None:
+        def listens() -> bool:
+            return self._at_rest is not None and publisher.get_subscription_count() > 0
+
+        self._spin_until(listens, f"no table listens on {publisher.topic_name}")
+
+    def _wait_for_answer(self, publisher: Any) -> dict[str, Any]:
+        self._spin_until(lambda: self._answer is not None, f"the table on {publisher.topic_name} did not answer")
+        assert self._answer is not None
+        return self._answer
+
+    def _spin_until(self, done: Callable[[], bool], missing: str) -> None:
+        while not done():
+            left = self._deadline - time.monotonic()
+            if left <= 0.0:
+                raise NoAnswer(missing)
+            self._executor.spin_once(timeout_sec=min(left, 0.1))  # a matched subscription does not wake the executor
 
     def _on_shot_result(self, message: String) -> None:
-        if self._verdict is None:
-            self._verdict = json.loads(message.data)
+        if self._answer is None and self._request is None:
+            self._answer = json.loads(message.data)
 
-    def _on_at_rest(self, _: Bool) -> None:
-        self._table_heard = True
+    def _on_preview_result(self, message: String) -> None:
+        answer = json.loads(message.data)
+        if self._request is not None and answer["request"] == self._request:
+            self._answer = answer
+
+    def _on_collision(self, message: String) -> None:
+        self._events.append(json.loads(message.data))
+
+    def _on_at_rest(self, message: Bool) -> None:
+        self._at_rest = message.data
+        self._has_moved = self._has_moved or not message.data
 
 
 def main(arguments: list[str]) -> int:
     """Shoot once; returns the exit code."""
-    parser = Parser(prog="shoot", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--force",
-        nargs=2,
-        type=float,
-        required=True,
-        metavar=("FX", "FY"),
-        help="force of the cue, N, in the frame of the table; 80 0 gives 5 m/s along x with the default physics",
-    )
-    parser.add_argument(
-        "--offset",
-        nargs=2,
-        type=float,
-        default=(0.0, 0.0),
-        metavar=("SIDE", "UP"),
-        help="where the tip hits, m from the centre of the ball seen along the force: to the left and up (0 0)",
-    )
-    parser.add_argument("--timeout", type=positive_seconds, default=10.0, metavar="S", help="longest wait, s (10)")
+    parser = _parser()
     try:
         options = parser.parse_args(own_arguments("shoot", arguments))
+        aim = _aim(parser, options)
         with ros("shoot", arguments):
-            return _shoot(options)
+            wake_on_signals()
+            return _play(options, aim)
     except StartError as error:
         print(f"shoot: {error}", file=sys.stderr)
         return USAGE_ERROR
     except NoAnswer as error:
-        print(f"shoot: {error} within {options.timeout:g} s", file=sys.stderr)
+        print(f"shoot: {error}", file=sys.stderr)
         return REFUSED
     except STOPPED:
         return REFUSED
 
 
-def _shoot(options: argparse.Namespace) -> int:
-    wake_on_signals()
-    shooter = Shooter()
-    (fx, fy), (side, up) = options.force, options.offset
-    print(f"shoot: force ({fx:g}, {fy:g}, 0) N, {side:g} m to the side, {up:g} m up", flush=True)
-    verdict = shooter.shoot(wrench_from_shot((fx, fy, 0.0), (side, up)), options.timeout)
-    if not verdict["accepted"]:
-        print(f"shoot: refused: {verdict['reason']}", flush=True)
+def _parser() -> Parser:
+    parser = Parser(prog="shoot", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
+    people = parser.add_argument_group("in people's words")
+    people.add_argument("--speed", type=float, metavar="V", help="speed of the cue ball, m/s")
+    people.add_argument(
+        "--angle", type=angle, metavar="A", help="with its unit, 12deg or 0.2rad, counter-clockwise from the x axis"
+    )
+    people.add_argument(
+        "--side", type=float, metavar="S", help="where the tip hits: to the left of the centre, in radii (0)"
+    )
+    people.add_argument("--up", type=float, metavar="U", help="above the centre, in radii (0); negative is draw")
+    robots = parser.add_argument_group("in the table's units")
+    robots.add_argument(
+        "--force",
+        nargs=2,
+        type=float,
+        metavar=("FX", "FY"),
+        help="force of the cue, N, in the frame of the table; 80 0 gives 5 m/s along x with the default physics",
+    )
+    robots.add_argument(
+        "--offset",
+        nargs=2,
+        type=float,
+        metavar=("SIDE", "UP"),
+        help="where the tip hits, m from the centre of the ball seen along the force: to the left and up (0 0)",
+    )
+    parser.add_argument("--ball", default=CUE_BALL, metavar="NAME", help=f"only {CUE_BALL}: the table shoots no other")
+    parser.add_argument("--preview", action="store_true", help="only ask what the shot would do")
+    parser.add_argument("--watch", action="store_true", help="print the collisions until every ball rests")
+    parser.add_argument("--timeout", type=positive_seconds, default=10.0, metavar="S", help="longest wait, s (10)")
+    return parser
+
+
+def _aim(parser: Parser, options: argparse.Namespace) -> Aim | None:
+    """What people asked for; None where they gave a force. A usage error ends the process."""
+    given = [name for name in ("speed", "angle", "side", "up") if getattr(options, name) is not None]
+    if options.ball != CUE_BALL:
+        parser.error(f"--ball must be {CUE_BALL}, the ball that cue_shot shoots; got {options.ball}")
+    if options.preview and options.watch:
+        parser.error("--watch follows a shot, and --preview plays none: give one of them")
+    if given and (options.force or options.offset):
+        parser.error(f"--{given[0]} does not go with --force and --offset: give the one or the other")
+    if not given:
+        if options.force is None:
+            parser.error("give --speed and --angle, or --force")
+        return None
+    if options.speed is None or options.angle is None:
+        parser.error("--speed and --angle belong together: give both")
+    try:
+        return Aim(options.speed, options.angle, options.side or 0.0, options.up or 0.0)
+    except ValueError as error:
+        parser.error(str(error))
+
+
+def _play(options: argparse.Namespace, aim: Aim | None) -> int:
+    shooter = Shooter(options.timeout)
+    try:
+        if aim is None:
+            fx, fy = options.force
+            shot = Shot((fx, fy, 0.0), options.offset or (0.0, 0.0))
+        else:
+            shot = aim.shot(*shooter.parameters("physics.mass", "physics.radius", "physics.cue_contact_time"))
+        message = wrench_from_shot(shot.force, shot.offset)
+        print(f"shoot: {_describe(message, shot)}", flush=True)
+        answer = shooter.preview(message) if options.preview else shooter.shoot(message)
+    except NoAnswer as error:
+        raise NoAnswer(f"{error} within {options.timeout:g} s") from None
+    if not answer["accepted"]:
+        print(f"shoot: refused: {answer['reason']}", flush=True)
         return REFUSED
-    print(f"shoot: accepted at {verdict['time']:.3f} s of the table's time", flush=True)
+    if options.preview:
+        _print_preview(answer)
+        return 0
+    print(f"shoot: accepted at {answer['time']:.3f} s of the table's time", flush=True)
+    if options.watch:
+        commentary = Commentary()
+        shooter.watch(commentary)
+        print(f"shoot: at rest after {commentary.last_time - commentary.first_time:.3f} s", flush=True)
     return 0
 
 
-def _spin_until(executor: SingleThreadedExecutor, done: Callable[[], bool], deadline: float, missing: str) -> None:
-    while not done():
-        left = deadline - time.monotonic()
-        if left <= 0.0:
-            raise NoAnswer(missing)
-        executor.spin_once(timeout_sec=min(left, 0.1))  # a matched subscription does not wake the executor
+def _describe(message: WrenchStamped, shot: Shot) -> str:
+    force, torque = message.wrench.force, message.wrench.torque
+    side, up = shot.offset
+    return (
+        f"force ({force.x:g}, {force.y:g}, {force.z:g}) N, torque ({torque.x:g}, {torque.y:g}, {torque.z:g}) N m: "
+        f"{side:g} m to the side, {up:g} m up"
+    )
+
+
+def _print_preview(answer: dict[str, Any]) -> None:
+    commentary = Commentary()
+    for event in answer["events"]:
+        line = commentary.take(event)
+        if line:
+            print(line)
+    ended = "at rest" if answer["complete"] else "still moving, the preview ends"
+    print(f"shoot: {ended} after {answer['duration']:.3f} s; the balls would lie at")
+    for name, (x, y) in answer["final_positions"].items():
+        print(f"  {name:>6}  {x:.4f} {y:.4f} m", flush=True)

@@ -58,6 +58,18 @@ BAD_STARTS = [
     ("shoot", "--force", "80"),
     ("shoot", "--force", "hard", "0"),
     ("shoot", "--force", "80", "0", "--timeout", "0"),
+    ("shoot", "--speed", "3"),
+    ("shoot", "--angle", "12deg"),
+    ("shoot", "--speed", "0", "--angle", "12deg"),
+    ("shoot", "--speed", "nan", "--angle", "12deg"),
+    ("shoot", "--speed", "3", "--angle", "12"),
+    ("shoot", "--speed", "3", "--angle", "-12degrees"),
+    ("shoot", "--speed", "3", "--angle", "12deg", "--force", "80", "0"),
+    ("shoot", "--force", "80", "0", "--up", "0.1"),
+    ("shoot", "--speed", "3", "--angle", "12deg", "--offset", "0", "0"),
+    ("shoot", "--speed", "3", "--angle", "12deg", "--side", "0.8", "--up", "-0.6"),
+    ("shoot", "--speed", "3", "--angle", "12deg", "--ball", "8"),
+    ("shoot", "--speed", "3", "--angle", "12deg", "--preview", "--watch"),
     ("shoot", "--force", "80", "0", "--ros-args", "--no-such-flag"),
     ("demo", "--timeout", "soon"),
     ("demo", "now"),
@@ -87,6 +99,12 @@ def test_signals_end_the_table_with_code_0(site: Site, number: int, when: str) -
 
 def test_shoot_without_a_table_gives_up(site: Site) -> None:
     shoot = site.process("shoot", "--force", "80", "0", "--timeout", "0.5")
+    assert shoot.wait() == 1
+    assert_one_line(shoot.stderr, "shoot: no table listens on /cue_shot within 0.5 s")
+
+
+def test_shoot_in_words_without_a_table_gives_up(site: Site) -> None:
+    shoot = site.process("shoot", "--speed", "3", "--angle", "-12deg", "--timeout", "0.5")
     assert shoot.wait() == 1
     assert_one_line(shoot.stderr, "shoot: no table listens on /cue_shot within 0.5 s")
 
