@@ -160,10 +160,17 @@ def as_declared(given: Iterable[Parameter]) -> list[Parameter]:
     ]
 
 
-def ours(given: Iterable[Parameter]) -> dict[str, Any]:
-    """Those of the parameters that this module declares, by name."""
-    known = _names()
-    return {one.name: one.value for one in given if one.name in known}
+def changes(given: Iterable[Parameter], shown: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the parameters that this module declares and that change something, by name.
+
+    A value that is shown already is no change, so a dump of all parameters can be loaded at any time. But a scene file
+    that is named again is read again: somebody may have edited it.
+    """
+    return {
+        one.name: one.value
+        for one in given
+        if one.name in shown and (one.value != shown[one.name] or (one.name == "scene" and one.value not in BUILT_IN))
+    }
 
 
 def find_scene(name: Any) -> Scene:

@@ -276,6 +276,7 @@ def _describe(message: WrenchStamped, shot: Shot) -> str:
 
 
 def _print_preview(answer: dict[str, Any]) -> None:
+    print(f"shoot: would be accepted at {answer['time']:.3f} s of the table's time")
     commentary = Commentary()
     for event in answer["events"]:
         line = commentary.take(event)

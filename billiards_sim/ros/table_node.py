@@ -289,9 +289,8 @@ class TableNode(Node):
         self._change = None
         if self._adopting:
             return SetParametersResult(successful=True)
-        # A value that is there already is no change, so a dump of all parameters can be loaded again.
-        wanted = parameters.ours(given).items()
-        changes = {name: value for name, value in wanted if value != self.get_parameter(name).value}
+        shown = {name: self.get_parameter(name).value for name in self._settings.values()}
+        changes = parameters.changes(given, shown)
         try:
             self._change = self._prepare(changes) if changes else None
         except ValueError as error:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import Site
@@ -84,6 +86,18 @@ def test_the_clock_can_be_turned_on_and_off_at_rest(site: Site) -> None:
     client.spin_until(lambda: client.node.count_publishers("/clock") == 1)
     assert client.set_parameters(publish_clock=False)[0].successful
     client.spin_until(lambda: client.node.count_publishers("/clock") == 0)
+
+
+@pytest.mark.parametrize(("name", "foot_spot"), [("wpa_9ft", (2.032, 0.762)), ("wpa_8ft", (1.8796, 0.7112))])
+def test_a_wpa_table_stands_in_a_namespace_with_its_rack_on_the_foot_spot(
+    site: Site, name: str, foot_spot: tuple
+) -> None:
+    path = str(Path(__file__).parents[2] / "config" / f"{name}.yaml")
+    table = site.process("table", "--ros-args", "--params-file", path, "-r", "__ns:=/hall")
+    table.wait_for("ready: ")
+    client = site.client(namespace="hall")
+    assert positions(client.poses[-1])[1] == pytest.approx(foot_spot, abs=1e-12)
+    assert client.shoot(SHOT)["accepted"]
 
 
 def test_two_tables_in_namespaces_do_not_hear_each_other(site: Site) -> None:

@@ -283,6 +283,20 @@ def test_a_scene_that_waits_keeps_what_is_set_meanwhile(table: TableNode, tmp_pa
     assert len(table.simulation.positions) == 2
 
 
+def test_an_edited_scene_file_is_read_again_when_it_is_named_again(table: TableNode, tmp_path: Path) -> None:
+    path = scene_file(tmp_path)
+    assert change(table, scene=path) == ""
+    table.reset()
+    bs.save_scene(bs.Scene([[0.7, 0.6]]), path)
+    table.reset()
+    assert len(table.simulation.positions) == 2
+    assert change(table, scene=path) == ""
+    table.reset()
+    assert np.array_equal(table.simulation.positions, [[0.7, 0.6]])
+    Path(path).write_text("balls: []")
+    assert "balls must be a list of at least one ball" in change(table, scene=path)
+
+
 def test_a_scene_that_does_not_fit_the_given_table_is_refused(
     make_node: Callable[..., TableNode], tmp_path: Path
 ) -> None:

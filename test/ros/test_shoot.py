@@ -91,6 +91,7 @@ def test_a_preview_in_words_plays_nothing(client: Client, shared_site: Site) -> 
     assert shoot.wait() == 0, shoot.stderr
     assert "the cue hits ball cue with 0.6 N s" in shoot.stdout
     assert len(re.findall(r"(?m)^ +\w+  \d\.\d{4} \d\.\d{4} m$", shoot.stdout)) == 16
+    assert "would be accepted" in shoot.stdout
     assert "at rest after" in shoot.stdout
     assert (client.results, client.collisions) == ([], [])
 
