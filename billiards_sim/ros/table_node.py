@@ -268,7 +268,7 @@ class TableNode(Node):
     def _adopt_scene(self) -> None:
         # The new scene may have other balls, and brings a table and physics of its own.
         self._make_messages()
-        for publisher in (self._markers_publisher, self._table_markers_publisher):
+        for publisher in (self._markers_publisher, self._table_markers_publisher, self._preview_publisher):
             publisher.publish(markers.erasing())
         self._publish_table_markers()
         values = self._settings.values().items()

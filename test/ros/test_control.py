@@ -9,6 +9,7 @@ import pytest
 from conftest import Site
 from process import Client, positions, stamp_ns
 from rosgraph_msgs.msg import Clock
+from visualization_msgs.msg import Marker
 
 import billiards_sim as bs
 from billiards_sim.ros.wrench import wrench_from_shot
@@ -62,6 +63,29 @@ def test_a_paused_table_stands_still_and_goes_step_by_step(player: Client) -> No
     assert player.step().success  # a reset does not end the pause
     assert player.pause(False).success
     player.next_poses(after=stamp_ns(stepped.header.stamp) + 50_000_000)
+
+
+def test_a_new_scene_comes_with_the_reset_and_leaves_nothing_of_the_old(site: Site, tmp_path: Path) -> None:
+    path = tmp_path / "two.yaml"
+    wide = bs.Table(length=2.54, width=1.27)
+    bs.save_scene(bs.Scene([[0.5, 0.5], [2.3, 1.2]], names=("cue", "red"), table=wide), path)
+    site.table("scene:=eight_ball")
+    client = site.client()
+    client.spin_until(lambda: client.markers)
+    refused = client.set_parameters(scene=str(tmp_path / "three.yaml"))[0]
+    assert "is neither a file nor one of" in refused.reason
+    assert client.set_parameters(scene=str(path))[0].successful
+    assert len(client.fresh_poses(5)[-1].poses) == 16
+
+    assert client.reset().message == f"2 balls back at the start of scene {path}"
+    client.spin_until(lambda: positions(client.poses[-1]) == [(0.5, 0.5), (2.3, 1.2)])
+    assert client.get_parameters("table.length", "table.width", "scene") == [2.54, 1.27, str(path)]
+    client.spin_until(lambda: client.twists[-1].body_frame_id == "red" and len(client.markers[-1].markers) == 2)
+    for drawn in (client.markers, client.table_markers, client.drawings):
+        assert [one.action for message in drawn for one in message.markers].count(Marker.DELETEALL) == 1
+    cloth = client.table_markers[-1].markers[0]
+    assert cloth.scale.x == pytest.approx(2.54 + 2 * wide.rail_thickness)
+    assert client.shoot(SHOT)["accepted"]
 
 
 @pytest.mark.parametrize("sim_time", ["false", "true"])
