@@ -49,6 +49,9 @@ EVENT_DEPTH = 1000
 STATE_DEPTH = 10
 """Ticks kept for one."""
 
+LOG_PERIOD = 1.0
+"""s between two lines of the log about the same kind of refusal; every refusal is answered on its topic."""
+
 MOST_PREVIEWS = 100
 """That wait for their tick; more are refused."""
 
@@ -197,7 +200,7 @@ class TableNode(Node):
             self._check_at_rest("a shot")
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
-            self.get_logger().warning(f"shot refused: {error}")
+            self.get_logger().warning(f"shot refused: {error}", throttle_duration_sec=LOG_PERIOD)
             self._answer(self._shot_result_publisher, False, str(error))
             return
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
@@ -237,7 +240,7 @@ class TableNode(Node):
             positions = placed_positions(message, self._scene, self._settings.placement_tolerance)
             self._simulation = self._resting(self._scene, positions, np.zeros((len(self._scene), 3)))
         except ValueError as error:
-            self.get_logger().warning(f"placement refused: {error}")
+            self.get_logger().warning(f"placement refused: {error}", throttle_duration_sec=LOG_PERIOD)
             self._answer(self._placement_result_publisher, False, str(error))
             return
         self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
@@ -294,7 +297,7 @@ class TableNode(Node):
         try:
             self._change = self._prepare(changes) if changes else None
         except ValueError as error:
-            self.get_logger().warning(f"parameters refused: {error}")
+            self.get_logger().warning(f"parameters refused: {error}", throttle_duration_sec=LOG_PERIOD)
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
