@@ -113,6 +113,6 @@ def draw_chaos(study: dict[str, Any], path: Path) -> None:
     left.set_xlabel("time (s)")
     right.set_xlabel("collisions between any two balls so far")
     left.set_ylabel(f"distance between two runs\nthat start {APART:g} m apart (m)")
-    left.legend(loc="lower right", fontsize=9)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=9, frameon=False)
     figure.savefig(path, dpi=DPI)
     plt.close(figure)

@@ -80,7 +80,7 @@ def cost_at(level: float, costs: Sequence[float], errors: Sequence[float]) -> fl
 
     Args:
         level: of the error.
-        costs: ascending.
+        costs: in the order of ever finer methods.
         errors: that go with the costs; they may scatter.
 
     Returns:

@@ -172,7 +172,7 @@ def conclusions(points: dict[str, Any]) -> dict[str, Any]:
         if error < FIRST_ORDER_BELOW and point["missed"] == point["extra"] == 0
     ]
     order = slope(*zip(*clean)) if len(clean) > 2 else None
-    timed = sorted((point["wall"]["median"], error) for point, error in zip(steps, errors) if point["wall"])
+    timed = [(point["wall"]["median"], error) for point, error in zip(steps, errors) if point["wall"]]
     cost = cost_at(EQUAL_ERROR, *zip(*timed)) if timed else None
     exact = points["event"]["wall"]["median"]
     interpreted = points["event_interpreted"]["wall"]["median"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -277,40 +277,39 @@ def node_table(study: dict[str, Any]) -> str:
         )
         for run in study.get("runs", [])
     ]
-    text = table(("Hz asked for", "balls", "Hz", "share of a core", "1 % of ticks closer than, ms", "99 %, ms"), lines)
-    return "\n\n".join([text, *study.get("failures", [])])
+    text = table(("Hz asked for", "balls", "Hz", "share of a core", "spacing of ticks, 1 %, ms", "99 %, ms"), lines)
+    what = "16 balls; poses, twists and markers subscribed by another process of the same machine."
+    return "\n\n".join([text, *study.get("failures", []), what])
 
 
-def sections(results: Results) -> dict[str, Callable[[], str]]:
-    """The parts that were measured: heading and a function that writes it."""
-    speed, precision, chaos = results.get("speed"), results.get("precision"), results.get("chaos")
-    peers, node = results.get("peers"), results.get("node")
-    found: dict[str, Callable[[], str]] = {}
-    if speed:
-        found["Speed"] = lambda: speed_table(speed["rows"])
-        found["Many balls"] = lambda: f"{crowd_table(speed['crowds'])}\n\n{crowd_sentence(speed['crowds'])}"
-        found["Cost of each feature"] = lambda: speed_table(speed["features"])
-    if precision:
+def sections(results: Results) -> dict[str, str]:
+    """The text of each part that was measured, by heading."""
+    found = {}
+    if speed := results.get("speed"):
+        found["Speed"] = speed_table(speed["rows"])
+        found["Many balls"] = f"{crowd_table(speed['crowds'])}\n\n{crowd_sentence(speed['crowds'])}"
+        found["Cost of each feature"] = speed_table(speed["features"])
+    if precision := results.get("precision"):
         notes = precision_notes(results["options"]["quick"])
-        found["Work and precision"] = lambda: (
-            f"{precision_summary(precision)}\n\n{notes}\n\n![Work and precision](work_precision.png)"
+        picture = "![Work and precision](work_precision.png)"
+        found["Work and precision"] = f"{precision_summary(precision)}\n\n{notes}\n\n{picture}"
+    if chaos := results.get("chaos"):
+        what = f"Growth is that of a difference of {figure(APART)} m in where the first ball starts."
+        picture = "![Growth of a difference](chaos.png)"
+        found["How far a run can be foretold"] = "\n\n".join(
+            (chaos_table(chaos), chaos_sentences(chaos), what, picture)
         )
-    if chaos:
-        found["How far a run can be foretold"] = lambda: (
-            f"{chaos_table(chaos)}\n\n{chaos_sentences(chaos)}\n\nGrowth is that of a difference of {figure(APART)} m "
-            "in where the first ball starts.\n\n![Growth of a difference](chaos.png)"
-        )
-    if peers:
-        found["Other engines"] = lambda: peer_table(peers)
-    if node:
-        found["The node"] = lambda: node_table(node)
+    if peers := results.get("peers"):
+        found["Other engines"] = peer_table(peers)
+    if node := results.get("node"):
+        found["The node"] = node_table(node)
     return found
 
 
 def whole_report(results: Results) -> str:
     """All tables: `benchmark.md`."""
     parts = ["# billiards_sim: speed against error", where(results)]
-    parts += [f"## {heading}\n\n{text()}" for heading, text in sections(results).items()]
+    parts += [f"## {heading}\n\n{text}" for heading, text in sections(results).items()]
     if results.get("precision"):
         parts.append(f"## Every solver, step and scene\n\n{precision_tables(results['precision'])}")
     return "\n\n".join(parts) + "\n"
@@ -320,7 +319,7 @@ def readme_fragment(results: Results) -> str:
     """What the README shows, between the markers; its pictures are in docs/benchmark."""
     parts = [where(results)]
     for heading, text in sections(results).items():
-        parts.append(f"### {heading}\n\n{text()}")
+        parts.append(f"### {heading}\n\n{text}")
     return (
         "\n\n".join(parts)
         .replace("](work_precision.png)", "](docs/benchmark/work_precision.png)")
