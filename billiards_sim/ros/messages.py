@@ -58,15 +58,26 @@ def new_poses(count: int, radius: float) -> PoseArray:
     return message
 
 
-def update_poses(message: PoseArray, positions: Sequence[Sequence[float]], stamp: int) -> None:
+def update_poses(
+    message: PoseArray,
+    positions: Sequence[Sequence[float]],
+    stamp: int,
+    orientations: Sequence[Sequence[float]] | None = None,
+) -> None:
     """Args:
     positions: (N, 2) m, Python floats.
     stamp: ns.
+    orientations: (N, 4) unit quaternions x y z w; None leaves what is there.
     """
     set_stamp(message.header.stamp, stamp)
     for pose, (x, y) in zip(message.poses, positions):
         pose.position.x = x
         pose.position.y = y
+    for pose, (x, y, z, w) in zip(message.poses, orientations or ()):
+        pose.orientation.x = x
+        pose.orientation.y = y
+        pose.orientation.z = z
+        pose.orientation.w = w
 
 
 def new_twist(name: str) -> VelocityStamped:

@@ -45,6 +45,7 @@ NUMBERS = {
 """Default and quantity of each number of the node's own."""
 
 SWITCHES = {
+    "track_orientation": (False, "put how the balls are turned into balls/poses; else they are all upright"),
     "publish_clock": (False, "publish the table's time on /clock every tick, for nodes with use_sim_time"),
 }
 """Default and help of each switch."""
@@ -70,6 +71,7 @@ class Settings:
     real_time_factor: float
     marker_rate: float
     placement_tolerance: float
+    track_orientation: bool
     publish_clock: bool
     given: Mapping[str, Any]
     loaded: Scene
@@ -106,6 +108,8 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
     own |= {name: switch(name, given.get(name, default)) for name, (default, _) in SWITCHES.items()}
     scene_name = given.get("scene", DEFAULT_SCENE)
     loaded = loaded or find_scene(scene_name)
+    if "track_orientation" not in given:
+        own["track_orientation"] = loaded.track_orientation
     groups = {}
     for group in GROUPS:
         values = {
@@ -118,6 +122,7 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
         scene = BUILT_IN[scene_name](**groups) if scene_name in BUILT_IN else dataclasses.replace(loaded, **groups)
     except ValueError as error:
         raise ValueError(f"scene {scene_name!r} does not fit these physics and table parameters: {error}") from None
+    scene = dataclasses.replace(scene, track_orientation=own["track_orientation"])
     return Settings(scene, scene_name, **own, given=dict(given), loaded=loaded)
 
 

@@ -309,7 +309,8 @@ class TableNode(Node):
         same = "scene" not in changes and self._after_reset is self._settings
         after_reset = settings if same else parameters.change_settings(self._after_reset, changes)
         simulation = self._simulation
-        if settings.scene.physics != self._scene.physics:
+        old, new = self._scene, settings.scene
+        if (new.physics, new.track_orientation) != (old.physics, old.track_orientation):
             simulation = self._resting(settings.scene, simulation.positions, simulation.angular_velocities)
         return Change(settings, after_reset, simulation)
 
@@ -327,6 +328,7 @@ class TableNode(Node):
         change, self._change = self._change, None
         self._settings, self._after_reset = change.settings, change.after_reset
         self._simulation = change.simulation
+        self._poses = messages.new_poses(len(self._scene), self._scene.physics.radius)
         self._apply_settings()
 
     def _apply_settings(self) -> None:
@@ -362,7 +364,8 @@ class TableNode(Node):
     def _publish_poses(self) -> None:
         if self._poses_publisher.get_subscription_count() == 0:
             return
-        messages.update_poses(self._poses, self._simulation.positions.tolist(), self._stamp())
+        turned = self._simulation.orientations.tolist() if self._scene.track_orientation else None
+        messages.update_poses(self._poses, self._simulation.positions.tolist(), self._stamp(), turned)
         self._poses_publisher.publish(self._poses)
 
     def _publish_twists(self) -> None:

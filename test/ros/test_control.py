@@ -142,3 +142,20 @@ def test_two_tables_in_namespaces_do_not_hear_each_other(site: Site) -> None:
     left.spin_until(lambda: left.at_rest[-1] is True)
     assert right.at_rest[1] is False
     assert positions(right.next_poses()[0]) != positions(first)
+
+
+def turned(message) -> list[tuple[float, float, float, float]]:
+    return [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in message.poses]
+
+
+def test_poses_carry_orientation_where_a_parameter_asks(site: Site) -> None:
+    site.table("scene:=head_on", "track_orientation:=true", "real_time_factor:=20.0")
+    client = site.client()
+    client.spin_until(lambda: client.at_rest[-1])
+    client.poses.clear()
+    client.spin_until(lambda: client.poses)
+    orientations = turned(client.poses[0])
+    assert all(abs(sum(part * part for part in one) - 1.0) < 1e-12 for one in orientations)
+    assert all(abs(one[3]) < 0.999 for one in orientations)
+    assert client.set_parameters(track_orientation=False)[0].successful
+    client.spin_until(lambda: turned(client.poses[-1]) == [(0.0, 0.0, 0.0, 1.0)] * 2)

@@ -38,6 +38,9 @@ def test_poses_are_updated_in_place() -> None:
     assert message.header.stamp.sec == 1_700_000_000
     assert [(p.position.x, p.position.y, p.position.z) for p in poses] == [(1.0, 2.0, 0.03), (3.0, 4.0, 0.03)]
     assert all(p.orientation.w == 1.0 for p in poses)
+    messages.update_poses(message, [[1.0, 2.0], [3.0, 4.0]], EPOCH, [[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
+    turned = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in poses]
+    assert turned == [(0.6, 0.0, 0.0, 0.8), (0.0, 0.6, 0.8, 0.0)]
 
 
 def test_a_twist_names_its_ball_and_the_table() -> None:
