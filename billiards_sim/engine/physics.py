@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from billiards_sim.engine.quantity import check_quantities, quantity
 
 
@@ -31,3 +34,8 @@ class Physics:
     def moment_of_inertia(self) -> float:
         """2/5 m R^2 of a solid sphere, kg m^2 (equation 11)."""
         return 0.4 * self.mass * self.radius * self.radius
+
+    def kinetic_energy(self, velocities: NDArray[np.float64], angular_velocities: NDArray[np.float64]) -> float:
+        """Linear and rotational, J, of balls with velocities (N, 2) m/s and angular velocities (N, 3) rad/s."""
+        linear = 0.5 * self.mass * float(np.sum(velocities**2))
+        return linear + 0.5 * self.moment_of_inertia * float(np.sum(angular_velocities**2))

@@ -6,7 +6,7 @@ import math
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import starmap
 from typing import overload
 
@@ -142,7 +142,7 @@ class Snapshot:
     time: float
     time_rest: float
     before_shot: BeforeShot | None
-    turns: Sequence[Turn] | None
+    turns: Sequence[Turn]
 
 
 class Simulation:
@@ -161,7 +161,7 @@ class Simulation:
         self._time = 0.0
         self._time_rest = 0.0  # what rounding keeps out of _time when it is a sum of steps
         self._before_shot: BeforeShot | None = None
-        self._turns = _upright(len(scene)) if scene.track_orientation else None
+        self._turns = _upright(len(scene) if scene.track_orientation else 0)
 
     @property
     def scene(self) -> Scene:
@@ -203,7 +203,7 @@ class Simulation:
         Raises:
             ValueError: the scene does not track orientation.
         """
-        if self._turns is None:
+        if not self._scene.track_orientation:
             raise ValueError("orientations are there only with Scene(..., track_orientation=True)")
         turns = copy_rows(self._turns)
         turn_all(turns, self._time)
@@ -217,22 +217,20 @@ class Simulation:
     @property
     def kinetic_energy(self) -> float:
         """Of all balls, linear and rotational, J."""
-        physics = self._scene.physics
-        linear = 0.5 * physics.mass * float(np.sum(self.velocities**2))
-        return linear + 0.5 * physics.moment_of_inertia * float(np.sum(self.angular_velocities**2))
+        return self._scene.physics.kinetic_energy(self.velocities, self.angular_velocities)
 
     def copy(self) -> Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
         twin = object.__new__(Simulation)
         twin._scene, twin._constants, twin._state = self._scene, self._constants, _copy(self._state)
         twin._time, twin._time_rest, twin._before_shot = self._time, self._time_rest, self._before_shot
-        twin._turns = None if self._turns is None else copy_rows(self._turns)
+        twin._turns = copy_rows(self._turns)
         return twin
 
     def snapshot(self) -> Snapshot:
         """The present state, to `restore` later, as often as wanted."""
-        turns = None if self._turns is None else copy_rows(self._turns)
-        return Snapshot(self._scene, _copy(self._state), self._time, self._time_rest, self._before_shot, turns)
+        state, turns = _copy(self._state), copy_rows(self._turns)
+        return Snapshot(self._scene, state, self._time, self._time_rest, self._before_shot, turns)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a state of this simulation or of a copy of it.
@@ -245,7 +243,7 @@ class Simulation:
         self._state = _copy(snapshot.state)
         self._time, self._time_rest = snapshot.time, snapshot.time_rest
         self._before_shot = snapshot.before_shot
-        self._turns = None if snapshot.turns is None else copy_rows(snapshot.turns)
+        self._turns = copy_rows(snapshot.turns)
 
     def strike(self, force: Sequence[float], offset: Sequence[float] = (0.0, 0.0), ball: str = "cue") -> None:
         """Hit a resting ball with the cue (paper equations 1 to 12). The clock does not move.
@@ -351,15 +349,12 @@ class Simulation:
         twin = self.copy()
         twin._state = twin._state._replace(balls=before.balls)
         twin._time = before.time
-        return Scene(
-            twin.positions,
-            twin.velocities,
-            twin.angular_velocities,
-            self._scene.names,
-            self._scene.table,
-            self._scene.physics,
+        return replace(
+            self._scene,
+            positions=twin.positions,
+            velocities=twin.velocities,
+            angular_velocities=twin.angular_velocities,
             name=f"{self._scene.name} before a shot".strip(),
-            track_orientation=self._scene.track_orientation,
             shot=Shot((force_x, force_y, force_z), (side, up), before.ball),
         )
 
@@ -386,10 +381,10 @@ class Simulation:
         chunks = []
         passes, time = clock.passes, clock.now
         while True:
-            if self._turns is None:
-                status = run_until(self._state, self._constants, until, BATCH)
-            else:
+            if self._scene.track_orientation:
                 status = run_turning(self._state, self._turns, self._constants, until, BATCH)
+            else:
+                status = run_until(self._state, self._constants, until, BATCH)
             chunks.append(copy_rows(self._state.log[: clock.events]))
             clock.events = 0
             if status != PAUSED:

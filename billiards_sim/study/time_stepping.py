@@ -173,9 +173,7 @@ class SteppedSolver(ABC):
 
     @property
     def kinetic_energy(self) -> float:
-        physics = self._scene.physics
-        linear = 0.5 * physics.mass * float(np.sum(self._balls.velocities**2))
-        return linear + 0.5 * physics.moment_of_inertia * float(np.sum(self._balls.spins**2))
+        return self._scene.physics.kinetic_energy(self._balls.velocities, self._balls.spins)
 
     @property
     def at_rest(self) -> bool:

@@ -21,6 +21,17 @@ EXACT_SCENES: dict[str, Any] = {
 }
 """Solutions to 20 digits; the second file is what test/data/make_exact_scenes.py writes."""
 
+PHYSICS = bs.Physics()
+TABLE = bs.Table()
+RADIUS = PHYSICS.radius
+SLIDING = PHYSICS.sliding_friction * PHYSICS.gravity
+ROLLING = PHYSICS.rolling_friction * PHYSICS.gravity
+"""m/s^2, decelerations of a sliding and of a rolling ball."""
+
+AT_X_MAX = TABLE.x_max - RADIUS
+AT_Y_MAX = TABLE.y_max - RADIUS
+"""m, centre of a ball at the rail."""
+
 EXACT_KINDS = {"ball-ball": "ball_ball", "rail": "ball_rail", "slide->roll": "rolling", "roll->rest": "rest"}
 EXACT_RAILS = {"x-low": "x_min", "x-high": "x_max", "y-low": "y_min", "y-high": "y_max"}
 

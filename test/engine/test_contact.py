@@ -7,17 +7,9 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from checks import extremes
+from checks import AT_X_MAX, AT_Y_MAX, RADIUS, ROLLING, SLIDING, extremes
 
 import billiards_sim as bs
-
-PHYSICS = bs.Physics()
-RADIUS = PHYSICS.radius
-SLIDING = PHYSICS.sliding_friction * PHYSICS.gravity
-ROLLING = PHYSICS.rolling_friction * PHYSICS.gravity
-TABLE = bs.Table()
-AT_X_MAX = TABLE.x_max - RADIUS
-AT_Y_MAX = TABLE.y_max - RADIUS
 
 
 def in_a_row(*velocities_and_spins, start=0.8) -> bs.Scene:

@@ -6,18 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from checks import extremes
+from checks import AT_X_MAX, AT_Y_MAX, RADIUS, ROLLING, SLIDING, TABLE, extremes
 
 import billiards_sim as bs
 from billiards_sim.engine.jit import COMPILED
 
-PHYSICS = bs.Physics()
-RADIUS = PHYSICS.radius
-SLIDING = PHYSICS.sliding_friction * PHYSICS.gravity
-ROLLING = PHYSICS.rolling_friction * PHYSICS.gravity
-TABLE = bs.Table()
-AT_X_MAX = TABLE.x_max - RADIUS
-AT_Y_MAX = TABLE.y_max - RADIUS
 ICE = bs.Physics(sliding_friction=0.0, rolling_friction=0.0, rail_restitution=1.0)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,19 +13,10 @@ from numpy.typing import NDArray
 import billiards_sim as bs
 
 RADIUS = bs.Physics().radius
-SLIDING = 0.2 * 9.81
 
 
 def tracked(scene: bs.Scene) -> bs.Scene:
-    return bs.Scene(
-        scene.positions,
-        scene.velocities,
-        scene.angular_velocities,
-        scene.names,
-        scene.table,
-        scene.physics,
-        track_orientation=True,
-    )
+    return replace(scene, track_orientation=True)
 
 
 def product(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
