@@ -1,13 +1,17 @@
-"""From state to messages. Messages are made once and updated in place: building new ones costs most of a tick."""
+"""From state to messages. Those of every tick are kept as bytes: converting messages would cost most of a tick."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import math
+import struct
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, PoseArray, VelocityStamped, WrenchStamped
+from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
 
 from billiards_sim.engine.events import Event
 from billiards_sim.ros.wrench import FRAME
@@ -16,6 +20,12 @@ NANOSECONDS = 1_000_000_000
 
 COLLISION_VERSION = 1
 """Of the JSON on `collisions`; it changes when a key changes its meaning or goes."""
+
+_STAMP = struct.Struct("=iI")
+"""Seconds and nanoseconds of a serialized message, in the machine's own order of bytes as all of it is."""
+
+_STAMP_PLACE = 4
+"""Of the stamp in a serialized message, bytes."""
 
 
 class Stamps:
@@ -48,57 +58,78 @@ def stamp_of(message: WrenchStamped) -> tuple[int, int]:
     return message.header.stamp.sec, message.header.stamp.nanosec
 
 
-def new_poses(count: int, radius: float) -> PoseArray:
-    """Poses of `count` balls on the cloth, for `update_poses` to fill in. Orientations stay the identity."""
-    message = PoseArray()
-    message.header.frame_id = FRAME
-    message.poses = [Pose() for _ in range(count)]
-    for pose in message.poses:
-        pose.position.z = float(radius)
-    return message
+class Serialized:
+    """A message with a header first and doubles last, as the bytes that go out.
 
-
-def update_poses(
-    message: PoseArray,
-    positions: Sequence[Sequence[float]],
-    stamp: int,
-    orientations: Sequence[Sequence[float]] | None = None,
-) -> None:
-    """Args:
-    positions: (N, 2) m, Python floats.
-    stamp: ns.
-    orientations: (N, 4) unit quaternions x y z w; None leaves what is there.
+    Converting a PoseArray of 16 poses costs 0.1 ms at every publishing; bytes are sent as they are. Common data
+    representation (CDR), in which ROS 2 sends, puts fields one after the other: here 4 bytes of its own, the stamp,
+    names that stay, and numbers to be written over.
     """
-    set_stamp(message.header.stamp, stamp)
-    for pose, (x, y) in zip(message.poses, positions):
-        pose.position.x = x
-        pose.position.y = y
-    for pose, (x, y, z, w) in zip(message.poses, orientations or ()):
-        pose.orientation.x = x
-        pose.orientation.y = y
-        pose.orientation.z = z
-        pose.orientation.w = w
+
+    def __init__(self, message: PoseArray | VelocityStamped, shape: tuple[int, ...]) -> None:
+        self._bytes = bytearray(serialize_message(message))
+        tail = len(self._bytes) - 8 * math.prod(shape)
+        self.numbers: NDArray[np.float64] = np.ndarray(shape, np.float64, self._bytes, tail)
+
+    def stamped(self, stamp: int) -> bytes:
+        """The message with this stamp, ns."""
+        _STAMP.pack_into(self._bytes, _STAMP_PLACE, *divmod(stamp, NANOSECONDS))
+        return bytes(self._bytes)
 
 
-def new_twist(name: str) -> VelocityStamped:
-    """Velocity of one ball with respect to the table, for `update_twist` to fill in."""
-    message = VelocityStamped()
-    message.header.frame_id = FRAME
-    message.reference_frame_id = FRAME
-    message.body_frame_id = name
-    return message
+class Poses:
+    """`balls/poses`: the balls lie on the cloth, upright unless orientations are given.
 
-
-def update_twist(message: VelocityStamped, velocity: Sequence[float], spin: Sequence[float], stamp: int) -> None:
-    """Args:
-    velocity: (x, y) m/s, Python floats.
-    spin: (x, y, z) rad/s, Python floats.
-    stamp: ns.
+    Args:
+        count: of balls.
+        radius: m.
     """
-    set_stamp(message.header.stamp, stamp)
-    linear, angular = message.velocity.linear, message.velocity.angular
-    linear.x, linear.y = velocity
-    angular.x, angular.y, angular.z = spin
+
+    def __init__(self, count: int, radius: float) -> None:
+        message = PoseArray()
+        message.header.frame_id = FRAME
+        message.poses = [Pose() for _ in range(count)]
+        for pose in message.poses:
+            pose.position.z = float(radius)
+        self._serialized = Serialized(message, (count, 7))
+
+    def at(self, positions: NDArray[np.float64], stamp: int, orientations: NDArray[np.float64] | None = None) -> bytes:
+        """The serialized message.
+
+        Args:
+            positions: (N, 2) m.
+            stamp: ns.
+            orientations: (N, 4) unit quaternions x y z w.
+        """
+        poses = self._serialized.numbers
+        poses[:, :2] = positions
+        if orientations is not None:
+            poses[:, 3:] = orientations
+        return self._serialized.stamped(stamp)
+
+
+class Twist:
+    """`balls/twists`: velocity of one ball with respect to the table."""
+
+    def __init__(self, name: str) -> None:
+        message = VelocityStamped()
+        message.header.frame_id = FRAME
+        message.reference_frame_id = FRAME
+        message.body_frame_id = name
+        self._serialized = Serialized(message, (6,))
+
+    def at(self, velocity: NDArray[np.float64], spin: NDArray[np.float64], stamp: int) -> bytes:
+        """The serialized message.
+
+        Args:
+            velocity: (x, y) m/s.
+            spin: (x, y, z) rad/s.
+            stamp: ns.
+        """
+        twist = self._serialized.numbers
+        twist[:2] = velocity
+        twist[3:] = spin
+        return self._serialized.stamped(stamp)
 
 
 def collision_json(event: Event, stamp: int, radius: float) -> str:

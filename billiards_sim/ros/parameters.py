@@ -36,7 +36,10 @@ NUMBERS = {
         1.0,
         Quantity("1", "simulated seconds in a second of the wall clock", minimum=0.001, maximum=1000.0),
     ),
-    "marker_rate": (30.0, Quantity("Hz", "messages on markers a second, 0 for none", minimum=0.0, maximum=1000.0)),
+    "marker_rate": (
+        30.0,
+        Quantity("Hz", "messages on markers a second, no more than ticks; 0 for none", minimum=0.0, maximum=1000.0),
+    ),
     "placement_tolerance": (
         0.002,
         Quantity("m", "overlap with a ball or a rail that place_balls takes for noise", minimum=0.0, maximum=0.02),

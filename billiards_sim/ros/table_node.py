@@ -6,24 +6,24 @@ import argparse
 import dataclasses
 import gc
 import sys
+import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from geometry_msgs.msg import PoseArray, VelocityStamped, WrenchStamped
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
@@ -35,9 +35,10 @@ from billiards_sim.engine.events import Event
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
+from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.preview import Preview, predict, preview_json, refusal_json
-from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, wake_on_signals
+from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, shut_out_signals, wake_on_signals
 from billiards_sim.ros.wrench import shot_from_wrench
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -59,6 +60,9 @@ MOST_BALLS = 22
 """Of the games in use (snooker): twists are kept for as many, or for the first scene's if it has more."""
 
 
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
 @dataclass(frozen=True)
 class Change:
     """New parameters, checked but not yet in use.
@@ -66,16 +70,29 @@ class Change:
     Attributes:
         settings: for what is on the table.
         after_reset: from the next reset on.
-        simulation: the balls where they lie, under the new physics.
     """
 
     settings: parameters.Settings
     after_reset: parameters.Settings
-    simulation: Simulation
+
+
+def between_ticks(method: Method) -> Method:
+    """For what the executor calls: ticks are on a thread of their own, and each waits for the other."""
+
+    @wraps(method)
+    def exclusive(self: TableNode, *given: Any) -> Any:
+        with self.lock:
+            return method(self, *given)
+
+    return cast(Method, exclusive)
 
 
 class TableNode(Node):
-    """A billiards table to shoot on. It starts with `start`, once the engine is warm.
+    """A billiards table to shoot on. It starts with `start`, once the engine is warm; `metronome` lets its time go on.
+
+    Attributes:
+        lock: held by whoever uses what is on the table.
+        metronome: beats a tick.
 
     Raises:
         ValueError: bad parameters, see `parameters.read_settings`.
@@ -91,7 +108,9 @@ class TableNode(Node):
         self._change: Change | None = None
         self._adopting = False
         self._clock_message = ClockMessage()
-        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.lock = threading.RLock()
+        self.metronome = Metronome(self._on_tick, self.lock)
+        self._markers_due = 0.0
         self._paused = False
         self._previews: deque[WrenchStamped] = deque()
         self._twist_subscribers = 0
@@ -139,9 +158,6 @@ class TableNode(Node):
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
         self.create_subscription(WrenchStamped, "cue_shot/preview", self._on_preview, EVENT_DEPTH)
         self.create_subscription(PoseArray, "place_balls", self._on_place_balls, STATE_DEPTH)
-        # The steady clock goes on where nobody publishes the time that the node itself may follow.
-        self._ticks = self.create_timer(1.0, self._on_tick, clock=self._steady_clock)
-        self._marker_ticks = self.create_timer(1.0, self._publish_markers, clock=self._steady_clock)
         self._clock_publisher: Publisher | None = None
         self._apply_settings()
 
@@ -174,10 +190,15 @@ class TableNode(Node):
 
     def _on_tick(self) -> None:
         self.advance(0.0 if self._paused else self._tick_time)
+        self._markers_due += self._settings.marker_rate / self._settings.update_rate
+        if self._markers_due >= 1.0:
+            self._markers_due %= 1.0
+            self._publish_markers()
         # One a tick and after its messages, so that previews delay no tick by more than one of them takes.
         if self._previews:
             self._preview(self._previews.popleft())
 
+    @between_ticks
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = request.data
         response.success = True
@@ -185,6 +206,7 @@ class TableNode(Node):
         self.get_logger().info(response.message)
         return response
 
+    @between_ticks
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._paused
         if self._paused:
@@ -194,6 +216,7 @@ class TableNode(Node):
             response.message = "the table is not paused: call pause with true first"
         return response
 
+    @between_ticks
     def _on_cue_shot(self, message: WrenchStamped) -> None:
         try:
             shot = shot_from_wrench(message)
@@ -207,6 +230,7 @@ class TableNode(Node):
         self._answer(self._shot_result_publisher, True)
         self._publish_at_rest()
 
+    @between_ticks
     def _on_preview(self, message: WrenchStamped) -> None:
         if len(self._previews) < MOST_PREVIEWS:
             self._previews.append(message)
@@ -234,6 +258,7 @@ class TableNode(Node):
             drawing = markers.preview_markers(preview, scene.names, scene.physics.radius, self._stamp())
             self._preview_publisher.publish(drawing)
 
+    @between_ticks
     def _on_place_balls(self, message: PoseArray) -> None:
         try:
             self._check_at_rest("a placement")
@@ -257,6 +282,7 @@ class TableNode(Node):
             f"{speeds[fastest]:.6g} m/s"
         )
 
+    @between_ticks
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = True
         response.message = self.reset()
@@ -288,6 +314,7 @@ class TableNode(Node):
         finally:
             self._adopting = False
 
+    @between_ticks
     def _on_set_parameters(self, given: list[Parameter]) -> SetParametersResult:
         self._change = None
         if self._adopting:
@@ -308,11 +335,15 @@ class TableNode(Node):
         settings = parameters.change_settings(self._settings, now) if now else self._settings
         same = "scene" not in changes and self._after_reset is self._settings
         after_reset = settings if same else parameters.change_settings(self._after_reset, changes)
-        simulation = self._simulation
-        old, new = self._scene, settings.scene
-        if (new.physics, new.track_orientation) != (old.physics, old.track_orientation):
-            simulation = self._resting(settings.scene, simulation.positions, simulation.angular_velocities)
-        return Change(settings, after_reset, simulation)
+        self._relaid(settings.scene)
+        return Change(settings, after_reset)
+
+    def _relaid(self, scene: Scene) -> Simulation:
+        # The balls where they lie, under the new physics.
+        simulation, old = self._simulation, self._scene
+        if (scene.physics, scene.track_orientation) == (old.physics, old.track_orientation):
+            return simulation
+        return self._resting(scene, simulation.positions, simulation.angular_velocities)
 
     def _resting(self, scene: Scene, positions: NDArray[np.float64], spins: NDArray[np.float64]) -> Simulation:
         # The scene's balls at rest at these positions, at the present time.
@@ -322,18 +353,18 @@ class TableNode(Node):
         simulation.advance(self._simulation.time)
         return simulation
 
+    @between_ticks
     def _on_parameters_set(self, _: list[Parameter]) -> None:
         if self._change is None:
             return
         change, self._change = self._change, None
+        self._simulation = self._relaid(change.settings.scene)
         self._settings, self._after_reset = change.settings, change.after_reset
-        self._simulation = change.simulation
-        self._poses = messages.new_poses(len(self._scene), self._scene.physics.radius)
+        self._poses = messages.Poses(len(self._scene), self._scene.physics.radius)
         self._apply_settings()
 
     def _apply_settings(self) -> None:
-        _set_rate(self._ticks, self._settings.update_rate)
-        _set_rate(self._marker_ticks, self._settings.marker_rate)
+        self.metronome.set_rate(self._settings.update_rate)
         # Only a table that is told to publishes on /clock: one time for all nodes has one source.
         if self._settings.publish_clock and self._clock_publisher is None:
             self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
@@ -343,8 +374,8 @@ class TableNode(Node):
 
     def _make_messages(self) -> None:
         radius = self._scene.physics.radius
-        self._poses = messages.new_poses(len(self._scene), radius)
-        self._twists = [messages.new_twist(name) for name in self._scene.names]
+        self._poses = messages.Poses(len(self._scene), radius)
+        self._twists = [messages.Twist(name) for name in self._scene.names]
         self._twists_due = [True] * len(self._scene)
         self._ball_markers = markers.new_ball_markers(self._scene.names, radius)
 
@@ -364,9 +395,8 @@ class TableNode(Node):
     def _publish_poses(self) -> None:
         if self._poses_publisher.get_subscription_count() == 0:
             return
-        turned = self._simulation.orientations.tolist() if self._scene.track_orientation else None
-        messages.update_poses(self._poses, self._simulation.positions.tolist(), self._stamp(), turned)
-        self._poses_publisher.publish(self._poses)
+        turned = self._simulation.orientations if self._scene.track_orientation else None
+        self._poses_publisher.publish(self._poses.at(self._simulation.positions, self._stamp(), turned))
 
     def _publish_twists(self) -> None:
         # A ball that rests is published once, and once more when somebody new listens.
@@ -377,14 +407,14 @@ class TableNode(Node):
         if subscribers == 0 or (self._simulation.at_rest and not any(self._twists_due)):
             return
         stamp = self._stamp()
-        velocities = self._simulation.velocities.tolist()
-        spins = self._simulation.angular_velocities.tolist()
-        for index, (velocity, spin) in enumerate(zip(velocities, spins)):
-            moves = any(velocity) or any(spin[:2])
+        velocities = self._simulation.velocities
+        spins = self._simulation.angular_velocities
+        motion = np.concatenate((velocities, spins[:, :2]), axis=1)
+        moving: list[bool] = (np.abs(motion).max(axis=1) > 0.0).tolist()
+        for index, moves in enumerate(moving):
             if moves or self._twists_due[index]:
-                messages.update_twist(self._twists[index], velocity, spin, stamp)
-                self._twists_publisher.publish(self._twists[index])
-                self._twists_due[index] = moves
+                self._twists_publisher.publish(self._twists[index].at(velocities[index], spins[index], stamp))
+        self._twists_due = moving
 
     def _publish_markers(self) -> None:
         if self._markers_publisher.get_subscription_count() == 0:
@@ -443,10 +473,12 @@ def _serve(node: TableNode) -> None:
         gc.collect()
         gc.freeze()
         executor.add_node(node)
+        node.metronome.start(fail=lambda error: executor.create_task(_raise, error))
         executor.spin()
     except STOPPED:
-        pass
+        shut_out_signals()
     finally:
+        node.metronome.stop()
         executor.shutdown()
 
 
@@ -460,12 +492,8 @@ def _warm_up(node: TableNode) -> None:
     node.get_logger().info(f"engine ready after {time.monotonic() - began:.2f} s")
 
 
-def _set_rate(timer: Timer, rate: float) -> None:
-    """Let a timer tick at this rate, Hz; 0 stops it."""
-    timer.cancel()
-    if rate > 0.0:
-        timer.timer_period_ns = round(messages.NANOSECONDS / rate)
-        timer.reset()
+def _raise(error: Exception) -> None:
+    raise error
 
 
 def _describe(shot: Shot) -> str:

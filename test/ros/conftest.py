@@ -1,11 +1,14 @@
 """Tests of the ROS side: on this machine only, in ROS domains of their own, with checked message fields."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import count
 
 import pytest
+import rclpy
 from process import Client, Process
+
+from billiards_sim.ros.table_node import TableNode
 
 FIRST_DOMAIN = os.getpid()
 DOMAINS = 100  # 1 to 100
@@ -67,3 +70,26 @@ def shared_site() -> Iterator[Site]:
     site = Site()
     yield site
     site.close()
+
+
+@pytest.fixture
+def make_node() -> Iterator[Callable[..., TableNode]]:
+    nodes = []
+
+    def make(*given: str) -> TableNode:
+        rclpy.init(args=["table", "--ros-args", *(part for one in given for part in ("-p", one))])
+        nodes.append(TableNode())
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def table(make_node: Callable[..., TableNode]) -> TableNode:
+    """A table in this process that rests; nothing spins it, and its time stands still."""
+    node = make_node()
+    node.start()
+    return node

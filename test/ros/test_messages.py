@@ -1,7 +1,10 @@
 import json
 
+import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseArray, Quaternion, VelocityStamped
+from rclpy.serialization import deserialize_message, serialize_message
 
 import billiards_sim as bs
 from billiards_sim.ros import messages
@@ -29,27 +32,43 @@ def test_a_stamp_is_split_into_seconds_and_nanoseconds() -> None:
     assert (message.sec, message.nanosec) == (1_700_000_000, 123_456_789)
 
 
-def test_poses_are_updated_in_place() -> None:
-    message = messages.new_poses(2, 0.03)
-    poses = list(message.poses)
-    messages.update_poses(message, [[1.0, 2.0], [3.0, 4.0]], EPOCH)
-    assert all(one is other for one, other in zip(message.poses, poses))
+POSITIONS = np.array([[1.0, 2.0], [3.0, 4.0]])
+
+
+def test_poses_are_what_rclpy_would_have_sent() -> None:
+    poses = messages.Poses(2, 0.03)
+    message = deserialize_message(poses.at(POSITIONS, EPOCH), PoseArray)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
     assert message.header.frame_id == "table"
-    assert message.header.stamp.sec == 1_700_000_000
-    assert [(p.position.x, p.position.y, p.position.z) for p in poses] == [(1.0, 2.0, 0.03), (3.0, 4.0, 0.03)]
-    assert all(p.orientation.w == 1.0 for p in poses)
-    messages.update_poses(message, [[1.0, 2.0], [3.0, 4.0]], EPOCH, [[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
-    turned = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in poses]
+    assert [(p.position.x, p.position.y, p.position.z) for p in message.poses] == [(1.0, 2.0, 0.03), (3.0, 4.0, 0.03)]
+    assert all(p.orientation == Quaternion(w=1.0) for p in message.poses)
+    assert serialize_message(message) == poses.at(POSITIONS, EPOCH)
+
+
+def test_poses_carry_orientations_where_they_are_given() -> None:
+    turns = np.array([[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
+    message = deserialize_message(messages.Poses(2, 0.03).at(POSITIONS, EPOCH, turns), PoseArray)
+    turned = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in message.poses]
     assert turned == [(0.6, 0.0, 0.0, 0.8), (0.0, 0.6, 0.8, 0.0)]
 
 
-def test_a_twist_names_its_ball_and_the_table() -> None:
-    message = messages.new_twist("7")
-    messages.update_twist(message, [1.0, -2.0], [3.0, 4.0, 5.0], EPOCH)
-    assert (message.body_frame_id, message.reference_frame_id, message.header.frame_id) == ("7", "table", "table")
+@pytest.mark.parametrize("name", ["7", "cue", "a long name of a ball"])  # names move what comes behind them
+def test_a_twist_names_its_ball_and_the_table(name: str) -> None:
+    twist = messages.Twist(name)
+    message = deserialize_message(twist.at(np.array([1.0, -2.0]), np.array([3.0, 4.0, 5.0]), EPOCH), VelocityStamped)
+    assert (message.body_frame_id, message.reference_frame_id, message.header.frame_id) == (name, "table", "table")
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
     linear, angular = message.velocity.linear, message.velocity.angular
     assert (linear.x, linear.y, linear.z) == (1.0, -2.0, 0.0)
     assert (angular.x, angular.y, angular.z) == (3.0, 4.0, 5.0)
+
+
+def test_a_message_that_was_taken_does_not_change_with_the_next() -> None:
+    poses = messages.Poses(2, 0.03)
+    first = poses.at(POSITIONS, EPOCH)
+    kept = bytes(bytearray(first))
+    poses.at(POSITIONS + 1.0, EPOCH + 1)
+    assert first == kept
 
 
 def test_collision_json_says_everything_and_keeps_every_digit() -> None:

@@ -1,5 +1,5 @@
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -126,21 +126,6 @@ def test_help_names_every_parameter_with_default_and_unit() -> None:
         assert part in text
 
 
-@pytest.fixture
-def make_node() -> Iterator[Callable[..., TableNode]]:
-    nodes = []
-
-    def make(*given: str) -> TableNode:
-        rclpy.init(args=["table", "--ros-args", *(part for one in given for part in ("-p", one))])
-        nodes.append(TableNode())
-        return nodes[-1]
-
-    yield make
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
-
-
 def test_the_node_shows_the_values_in_use(make_node: Callable[..., TableNode], tmp_path: Path) -> None:
     node = make_node(f"scene:={scene_file(tmp_path)}", "physics.sliding_friction:=1", "update_rate:=50")
     values = {name: node.get_parameter(name).value for name in ("physics.mass", "table.length", "physics.radius")}
@@ -170,14 +155,6 @@ def test_ros_own_parameters_are_unharmed(make_node: Callable[..., TableNode]) ->
 
 def test_a_parameter_of_nobody_is_named(make_node: Callable[..., TableNode]) -> None:
     assert parameters.unknown(make_node("update_rat:=5", "use_sim_time:=false")) == ["update_rat"]
-
-
-@pytest.fixture
-def table(make_node: Callable[..., TableNode]) -> TableNode:
-    """A table that rests and is not spun: parameters change at once."""
-    node = make_node()
-    node.start()
-    return node
 
 
 def change(node: TableNode, **changes: object) -> str:

@@ -1,0 +1,64 @@
+"""What happens at a tick and between two, with the node in this process."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import pytest
+import rclpy
+from std_srvs.srv import Trigger
+
+from billiards_sim.ros import table_node
+from billiards_sim.ros.table_node import TableNode
+
+
+@pytest.mark.parametrize(
+    ("update_rate", "marker_rate", "drawn"), [(100.0, 30.0, 30), (50.0, 50.0, 100), (10.0, 30.0, 100), (100.0, 0.0, 0)]
+)
+def test_markers_come_at_their_own_rate(
+    table: TableNode, monkeypatch: pytest.MonkeyPatch, update_rate: float, marker_rate: float, drawn: int
+) -> None:
+    rates = [rclpy.Parameter("update_rate", value=update_rate), rclpy.Parameter("marker_rate", value=marker_rate)]
+    assert table.set_parameters_atomically(rates).successful
+    published = []
+    monkeypatch.setattr(table, "_publish_markers", lambda: published.append(None))
+    for _ in range(100):
+        table._on_tick()
+    assert abs(len(published) - drawn) <= 1
+
+
+def test_what_the_executor_calls_waits_for_a_tick(table: TableNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = threading.Thread(target=table._on_reset, args=(None, Trigger.Response()))
+    seen = []
+
+    def advance(_: float) -> None:
+        shot.start()
+        shot.join(timeout=0.2)
+        seen.append(shot.is_alive())
+
+    monkeypatch.setattr(table, "advance", advance)
+    with table.lock:
+        table._on_tick()
+    shot.join()
+    assert seen == [True]
+
+
+def test_a_tick_between_the_check_and_the_change_of_parameters_does_not_turn_time_back(table: TableNode) -> None:
+    assert table._on_set_parameters([rclpy.Parameter("physics.mass", value=0.2)]).successful
+    table.advance(0.25)
+    table._on_parameters_set([])
+    assert table.settings.scene.physics.mass == 0.2
+    assert table.simulation.time == 0.25
+
+
+def test_an_error_in_a_tick_ends_the_node(make_node: Callable[..., TableNode], monkeypatch: pytest.MonkeyPatch) -> None:
+    node = make_node()
+
+    def advance(_: float) -> None:
+        raise ZeroDivisionError("in a tick")
+
+    monkeypatch.setattr(node, "advance", advance)
+    monkeypatch.setattr(table_node, "wake_on_signals", lambda: None)
+    with pytest.raises(ZeroDivisionError, match="in a tick"):
+        table_node._serve(node)
