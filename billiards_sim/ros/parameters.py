@@ -50,6 +50,7 @@ NUMBERS = {
 SWITCHES = {
     "track_orientation": (False, "put how the balls are turned into balls/poses; else they are all upright"),
     "publish_clock": (False, "publish the table's time on /clock every tick, for nodes with use_sim_time"),
+    "publish_tf": (False, "publish a frame for each ball, named as the ball, on /tf every tick; needs tf2_msgs"),
 }
 """Default and help of each switch."""
 
@@ -76,6 +77,7 @@ class Settings:
     placement_tolerance: float
     track_orientation: bool
     publish_clock: bool
+    publish_tf: bool
     given: Mapping[str, Any]
     loaded: Scene
 

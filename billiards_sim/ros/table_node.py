@@ -39,6 +39,7 @@ from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.preview import Preview, predict, preview_json, refusal_json
 from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, shut_out_signals, wake_on_signals
+from billiards_sim.ros.transforms import BallFrames, tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -49,6 +50,9 @@ EVENT_DEPTH = 1000
 
 STATE_DEPTH = 10
 """Ticks kept for one."""
+
+TF_DEPTH = 100
+"""Of /tf, as tf2 has it."""
 
 LOG_PERIOD = 1.0
 """s between two lines of the log about the same kind of refusal; every refusal is answered on its topic."""
@@ -101,6 +105,7 @@ class TableNode(Node):
     def __init__(self) -> None:
         super().__init__("table", automatically_declare_parameters_from_overrides=True)
         self._settings = parameters.read_settings(parameters.take_overrides(self))
+        self._leave_out_what_is_not_installed()
         parameters.declare(self, self._settings)
         for name in parameters.unknown(self):
             self.get_logger().warning(f"parameter {name!r} is not one of this node's")
@@ -111,6 +116,8 @@ class TableNode(Node):
         self.lock = threading.RLock()
         self.metronome = Metronome(self._on_tick, self.lock)
         self._markers_due = 0.0
+        self._clock_publisher: Publisher | None = None
+        self._frames_publisher: Publisher | None = None
         self._paused = False
         self._previews: deque[WrenchStamped] = deque()
         self._twist_subscribers = 0
@@ -158,7 +165,6 @@ class TableNode(Node):
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
         self.create_subscription(WrenchStamped, "cue_shot/preview", self._on_preview, EVENT_DEPTH)
         self.create_subscription(PoseArray, "place_balls", self._on_place_balls, STATE_DEPTH)
-        self._clock_publisher: Publisher | None = None
         self._apply_settings()
 
     def advance(self, duration: float) -> None:
@@ -171,6 +177,7 @@ class TableNode(Node):
             self._restart()
         self._publish_clock()
         self._publish_poses()
+        self._publish_frames()
         self._publish_twists()
         self._publish_at_rest()
 
@@ -330,6 +337,8 @@ class TableNode(Node):
 
     def _prepare(self, changes: Mapping[str, Any]) -> Change:
         parameters.check_changeable(self._settings, changes)
+        if changes.get("publish_tf"):
+            tf_message_type()
         self._check_at_rest(f"a change of {', '.join(changes)}")
         now = {name: value for name, value in changes.items() if name != "scene"}
         settings = parameters.change_settings(self._settings, now) if now else self._settings
@@ -365,12 +374,38 @@ class TableNode(Node):
 
     def _apply_settings(self) -> None:
         self.metronome.set_rate(self._settings.update_rate)
-        # Only a table that is told to publishes on /clock: one time for all nodes has one source.
-        if self._settings.publish_clock and self._clock_publisher is None:
-            self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
-        elif not self._settings.publish_clock and self._clock_publisher is not None:
-            self.destroy_publisher(self._clock_publisher)
-            self._clock_publisher = None
+        # Only a table that is told to publishes on topics that all nodes share: one time for all has one source.
+        settings = self._settings
+        self._clock_publisher = self._switched(
+            self._clock_publisher, settings.publish_clock, lambda: self.create_publisher(ClockMessage, "/clock", 1)
+        )
+        self._frames_publisher = self._switched(
+            self._frames_publisher,
+            settings.publish_tf,
+            lambda: self.create_publisher(tf_message_type(), "/tf", TF_DEPTH),
+        )
+        self._frames = self._new_frames()
+
+    def _switched(self, publisher: Publisher | None, on: bool, make: Callable[[], Publisher]) -> Publisher | None:
+        if on and publisher is None:
+            return make()
+        if not on and publisher is not None:
+            self.destroy_publisher(publisher)
+            return None
+        return publisher
+
+    def _new_frames(self) -> BallFrames | None:
+        if not self._settings.publish_tf:
+            return None
+        return BallFrames(tf_message_type(), self._scene.names, self._scene.physics.radius)
+
+    def _leave_out_what_is_not_installed(self) -> None:
+        if self._settings.publish_tf:
+            try:
+                tf_message_type()
+            except ValueError as error:
+                self.get_logger().error(f"{error}; the table goes on without it")
+                self._settings = parameters.change_settings(self._settings, {"publish_tf": False})
 
     def _make_messages(self) -> None:
         radius = self._scene.physics.radius
@@ -378,6 +413,7 @@ class TableNode(Node):
         self._twists = [messages.Twist(name) for name in self._scene.names]
         self._twists_due = [True] * len(self._scene)
         self._ball_markers = markers.new_ball_markers(self._scene.names, radius)
+        self._frames = self._new_frames()
 
     def _publish_events(self, events: Sequence[Event]) -> None:
         if len(events) == 0 or self._collisions_publisher.get_subscription_count() == 0:
@@ -397,6 +433,13 @@ class TableNode(Node):
             return
         turned = self._simulation.orientations if self._scene.track_orientation else None
         self._poses_publisher.publish(self._poses.at(self._simulation.positions, self._stamp(), turned))
+
+    def _publish_frames(self) -> None:
+        if self._frames is None or self._frames_publisher is None:
+            return
+        if self._frames_publisher.get_subscription_count() > 0:
+            turned = self._simulation.orientations.tolist() if self._scene.track_orientation else None
+            self._frames_publisher.publish(self._frames.at(self._simulation.positions.tolist(), self._stamp(), turned))
 
     def _publish_twists(self) -> None:
         # A ball that rests is published once, and once more when somebody new listens.

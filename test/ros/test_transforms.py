@@ -1,0 +1,116 @@
+"""Frames of the balls. tf2_msgs need not be installed here, so a stand-in takes its place where it must be there."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import types
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import rclpy
+from conftest import Site
+from geometry_msgs.msg import TransformStamped
+
+from billiards_sim.ros.table_node import TableNode
+from billiards_sim.ros.transforms import BallFrames, tf_message_type
+
+
+class TFMessage:
+    def __init__(self) -> None:
+        self.transforms: list[TransformStamped] = []
+
+
+class Publisher:
+    """Keeps where the balls are when a message goes out."""
+
+    def __init__(self) -> None:
+        self.subscribers = 1
+        self.sent: list[dict[str, tuple[float, ...]]] = []
+
+    def get_subscription_count(self) -> int:
+        return self.subscribers
+
+    def publish(self, message: TFMessage) -> None:
+        moves = {frame.child_frame_id: frame.transform.translation for frame in message.transforms}
+        self.sent.append({name: (move.x, move.y, move.z) for name, move in moves.items()})
+
+
+@pytest.fixture
+def tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
+    package, module = types.ModuleType("tf2_msgs"), types.ModuleType("tf2_msgs.msg")
+    module.TFMessage = TFMessage
+    monkeypatch.setitem(sys.modules, "tf2_msgs", package)
+    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", module)
+
+
+@pytest.fixture
+def no_tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "tf2_msgs", None)
+    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)
+
+
+def test_a_frame_lies_at_its_ball_in_the_frame_of_the_table() -> None:
+    frames = BallFrames(TFMessage, ("cue", "1"), 0.03)
+    message = frames.at([[0.5, 0.6], [1.5, 1.6]], 2_000_000_005)
+    assert [frame.child_frame_id for frame in message.transforms] == ["cue", "1"]
+    for frame, place in zip(message.transforms, [(0.5, 0.6, 0.03), (1.5, 1.6, 0.03)]):
+        assert frame.header.frame_id == "table"
+        assert (frame.header.stamp.sec, frame.header.stamp.nanosec) == (2, 5)
+        move, turn = frame.transform.translation, frame.transform.rotation
+        assert (move.x, move.y, move.z) == place
+        assert (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 1.0)
+    turned = frames.at([[0.5, 0.6], [1.5, 1.6]], 0, [[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
+    assert turned.transforms[1].transform.rotation.y == 0.6
+
+
+def test_without_tf2_msgs_a_change_is_refused_and_says_what_is_missing(table: TableNode, no_tf2_msgs: None) -> None:
+    result = table.set_parameters_atomically([rclpy.Parameter("publish_tf", value=True)])
+    assert not result.successful
+    assert "'publish_tf' needs the ROS package tf2_msgs" in result.reason
+    assert "\n" not in result.reason
+    assert table.get_parameter("publish_tf").value is False
+    with pytest.raises(ValueError, match="tf2_msgs"):
+        tf_message_type()
+
+
+@pytest.mark.skipif(importlib.util.find_spec("tf2_msgs") is not None, reason="tf2_msgs is installed")
+def test_without_tf2_msgs_a_table_that_should_publish_frames_goes_on_without(site: Site) -> None:
+    table = site.table("publish_tf:=true")
+    client = site.client()
+    assert table.stderr.count("'publish_tf' needs the ROS package tf2_msgs") == 1
+    assert client.get_parameters("publish_tf") == [False]
+    assert client.node.count_publishers("/tf") == 0
+
+
+def test_frames_go_out_every_tick_while_somebody_listens(
+    make_node: Callable[..., TableNode], monkeypatch: pytest.MonkeyPatch, tf2_msgs: None
+) -> None:
+    publisher = Publisher()
+    create = TableNode.create_publisher
+
+    def create_publisher(self: TableNode, kind: type, topic: str, *options: object, **more: object) -> object:
+        return publisher if topic == "/tf" else create(self, kind, topic, *options, **more)
+
+    monkeypatch.setattr(TableNode, "create_publisher", create_publisher)
+    monkeypatch.setattr(TableNode, "destroy_publisher", lambda *_: True)
+    node = make_node("scene:=head_on", "publish_tf:=true")
+    node.start()
+    node.advance(0.25)
+    assert len(publisher.sent) == 1
+    radius = node.simulation.scene.physics.radius
+    assert np.array(list(publisher.sent[0].values())) == pytest.approx(
+        np.column_stack((node.simulation.positions, [radius, radius]))
+    )
+    publisher.subscribers = 0
+    node.advance(0.25)
+    assert len(publisher.sent) == 1
+    node.simulation.run()
+    publisher.subscribers = 1
+    assert node.set_parameters_atomically([rclpy.Parameter("publish_tf", value=False)]).successful
+    node.advance(0.25)
+    assert len(publisher.sent) == 1
+    assert node.set_parameters_atomically([rclpy.Parameter("publish_tf", value=True)]).successful
+    node.advance(0.25)
+    assert len(publisher.sent) == 2
