@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from conftest import Site
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from billiards_sim.engine.quantity import quantities
 from billiards_sim.ros import parameters
+from billiards_sim.ros.table_node import MOST_BALLS, TF_DEPTH, TableNode
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
@@ -27,21 +32,43 @@ def test_parameter_table_is_the_declarations(row: str) -> None:
     assert row in README
 
 
-def test_every_topic_of_the_node_is_listed() -> None:
-    for topic in (
-        "cue_shot",
-        "balls/poses",
-        "balls/twists",
-        "markers",
-        "table_markers",
-        "collisions",
-        "shot_result",
-        "place_balls",
-        "placement_result",
-        "cue_shot/preview",
-        "preview",
-        "preview/result",
-        "~/pause",
-        "~/step",
-    ):
-        assert f"`{topic}`" in README
+def topic_rows() -> set[tuple[str, ...]]:
+    """Direction, name, type and queue of each row of the table of topics."""
+    rows = [line.strip("| ").split(" | ") for line in README.splitlines() if line.startswith(("| in |", "| out |"))]
+    return {(way, name.strip("`"), kind.strip("`"), queue) for way, name, kind, _, queue, _ in rows}
+
+
+def type_name(kind: type) -> str:
+    return f"{kind.__module__.partition('.')[0]}/{kind.__name__}"
+
+
+def queue(topic: str, qos: QoSProfile) -> str:
+    assert qos.reliability == ReliabilityPolicy.RELIABLE
+    if topic == "balls/twists":
+        return f"{qos.depth / MOST_BALLS:g} a ball"
+    return f"{qos.depth}, latched" if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else f"{qos.depth}"
+
+
+def test_the_table_of_topics_is_what_the_node_has(make_node: Callable[..., TableNode]) -> None:
+    node = make_node("publish_clock:=true")
+    node.start()
+    found = set()
+    for way, ends in (("in", node.subscriptions), ("out", node.publishers)):
+        for end in ends:
+            topic = end.topic_name if end.topic_name == "/clock" else end.topic_name.lstrip("/")
+            if topic not in ("parameter_events", "rosout"):
+                found.add((way, topic, type_name(end.msg_type), queue(topic, end.qos_profile)))
+    assert topic_rows() == found | {("out", "/tf", "tf2_msgs/TFMessage", f"{TF_DEPTH}")}
+    services = {one.srv_name.rpartition("/")[2]: type_name(one.srv_type) for one in node.services}
+    for name in ("reset", "pause", "step"):
+        assert f"| service | `~/{name}` | `{services[name]}` |" in README
+
+
+def test_the_recipe_in_python_shoots(site: Site) -> None:
+    (recipe,) = [block for block in README.split("```python\n") if block.startswith("import json")]
+    site.table("real_time_factor:=20.0")
+    player = site.process("-c", recipe.partition("```")[0], command=[sys.executable])
+    assert player.wait() == 0, player.stderr
+    verdict, rest = player.stdout.splitlines()
+    assert verdict.startswith("{'accepted': True, 'reason': '', 'time': ")
+    assert rest == "at rest"
