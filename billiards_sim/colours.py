@@ -5,6 +5,9 @@ from __future__ import annotations
 CLOTH = (0.05, 0.40, 0.25)
 WOOD = (0.35, 0.20, 0.10)
 CUE_BALL = (0.96, 0.95, 0.90)
+WHITE = (0.98, 0.97, 0.94)
+"""Of a striped ball beside its stripe, and of the disc under a number."""
+
 UNNUMBERED = (0.75, 0.75, 0.78)
 NUMBERED = (
     (0.95, 0.77, 0.06),  # 1 and 9 yellow

@@ -1,26 +1,30 @@
-"""What RViz draws: balls as spheres, the cloth and four rails as boxes."""
+"""What RViz draws: balls as spheres with stripes and trails, flashes at contacts, the table as boxes, previews."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections import deque
+from collections.abc import Iterable, Sequence
 
+from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from billiards_sim.colours import CLOTH, WOOD, ball_colour
+from billiards_sim.colours import CLOTH, STRIPE, WHITE, WOOD, ball_colour, is_striped
+from billiards_sim.engine.events import Event
 from billiards_sim.engine.table import Table
-from billiards_sim.ros.messages import set_stamp
+from billiards_sim.ros.messages import NANOSECONDS, set_stamp
 from billiards_sim.ros.preview import Preview
 from billiards_sim.ros.wrench import FRAME
 
 CLOTH_THICKNESS = 0.01
 """m, for the eye only."""
 
-PATH_WIDTH = 0.004
+PATH_WIDTH = 0.006
 """m, of the lines of a preview."""
 
-CONTACT_SIZE = 0.012
+CONTACT_SIZE = 0.02
 """m, of the points of contact of a preview."""
 
 CONTACT = (1.0, 0.3, 0.1)
@@ -33,26 +37,184 @@ RAIL_HEIGHT = 1.25
 """In ball radii above the cloth, for the eye only: the model's rails are vertical walls."""
 
 
-def new_ball_markers(names: Sequence[str], radius: float) -> MarkerArray:
-    """A sphere for each ball, id = its place in the scene, for `update_ball_markers` to place."""
-    message = MarkerArray()
-    for index, name in enumerate(names):
-        marker = _marker("balls", index, Marker.SPHERE, ball_colour(name))
-        marker.pose.position.z = float(radius)
-        marker.scale.x = marker.scale.y = marker.scale.z = float(2.0 * radius)
-        message.markers.append(marker)
-    return message
+LINE_WHITE = 0.35
+"""Share of white in the lines of a ball, to be seen on the cloth: some balls are green, too."""
+
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+"""Orientation of a ball that has not turned: x y z w."""
+
+STRIPE_GIRTH = 1.03
+"""Diameter of a stripe in those of the ball: enough to be seen around it."""
+
+TRAIL_TIME = 0.67
+"""s of the wall clock that a trail goes back."""
+
+TRAIL_POINTS = 20
+"""Most points of a trail, one a message: `TRAIL_TIME` at 30 Hz, less where messages come faster."""
+
+TRAIL_WIDTH = 0.5
+"""Of a trail, in ball radii."""
+
+TRAIL_OPACITY = 0.8
+"""Of a trail at the ball, from where it falls evenly to nearly 0; below 1, for RViz blends no line that is opaque."""
+
+TRAIL_LIFETIME = 1.0
+"""s after which a trail goes if no message renews it, in the clock of who draws: a table that stops leaves none."""
+
+FLASH = (0.2, 1.0, 1.0)
+"""Colour of the flash at a contact: cyan, unlike any ball, cloth or wood."""
+
+FLASH_SIZE = 1.4
+"""Diameter of a flash in ball radii: between two balls that touch, a smaller one is hidden."""
+
+FLASH_LIFETIME = 0.3
+"""s that a flash stays, in the clock of who draws."""
+
+FLASH_IDS = 1000
+"""After which ids of flashes come again: more than messages in a flash's lifetime at the highest marker rate."""
+
+MOST_FLASHES = 100
+"""Contacts in one message, the last ones; a break begins with some 60 at once."""
 
 
-def update_ball_markers(message: MarkerArray, positions: Sequence[Sequence[float]], stamp: int) -> None:
-    """Args:
-    positions: (N, 2) m, Python floats.
-    stamp: ns.
+class BallMarkers:
+    """The balls of a scene: one message, updated in place.
+
+    Namespaces: `balls` and `stripes`, each with id = place in the scene; `trails`, likewise, of the balls that move;
+    `contacts`, a flash at each.
+
+    Args:
+        names: of the balls.
+        radius: m.
+        rate: messages a second.
     """
-    for marker, (x, y) in zip(message.markers, positions):
-        set_stamp(marker.header.stamp, stamp)
-        marker.pose.position.x = x
-        marker.pose.position.y = y
+
+    def __init__(self, names: Sequence[str], radius: float, rate: float) -> None:
+        self._radius = float(radius)
+        self._header = Header(frame_id=FRAME)  # of all markers
+        self._message = MarkerArray()
+        self._balls = []
+        self._stripes: list[tuple[int, Marker]] = []
+        self._trails = []
+        for index, name in enumerate(names):
+            ball = self._marker("balls", index, Marker.SPHERE, WHITE if is_striped(name) else ball_colour(name))
+            ball.pose.position.z = self._radius
+            ball.scale.x = ball.scale.y = ball.scale.z = 2.0 * self._radius
+            self._balls.append(ball)
+            if is_striped(name):
+                stripe = self._marker("stripes", index, Marker.CYLINDER, ball_colour(name))
+                stripe.pose.position = ball.pose.position  # the same object
+                stripe.scale.x = stripe.scale.y = 2.0 * STRIPE_GIRTH * self._radius
+                stripe.scale.z = 2.0 * STRIPE * self._radius
+                _turn_stripe(stripe, LEVEL)
+                self._stripes.append((index, stripe))
+            line = self._marker("trails", index, Marker.LINE_STRIP, _line_colour(name))
+            line.scale.x = TRAIL_WIDTH * self._radius
+            self._trails.append(_Trail(line, self._radius, max(1, min(round(TRAIL_TIME * rate), TRAIL_POINTS))))
+        self._lasting = [*self._balls, *(stripe for _, stripe in self._stripes)]
+        self._flash = self._marker("contacts", 0, Marker.SPHERE_LIST, FLASH)
+        self._flash.scale.x = self._flash.scale.y = self._flash.scale.z = FLASH_SIZE * self._radius
+        self._flash.lifetime = _duration(FLASH_LIFETIME)
+        self._contacts: deque[Point] = deque(maxlen=MOST_FLASHES)
+        self._turned = False
+        self._stamp: int | None = None
+
+    def update(
+        self,
+        positions: Sequence[Sequence[float]],
+        stamp: int,
+        orientations: Sequence[Sequence[float]] | None = None,
+    ) -> MarkerArray:
+        """The message of a state, the same object every time. While the stamp stays the same, so do the trails.
+
+        Args:
+            positions: (N, 2) m, Python floats.
+            stamp: ns.
+            orientations: (N, 4) unit quaternions x y z w, Python floats; None for balls that are all upright.
+        """
+        set_stamp(self._header.stamp, stamp)
+        for ball, (x, y) in zip(self._balls, positions):
+            ball.pose.position.x = x
+            ball.pose.position.y = y
+        self._turn(orientations)
+        if stamp != self._stamp:
+            for trail, (x, y) in zip(self._trails, positions):
+                trail.follow(x, y)
+            self._stamp = stamp
+        self._message.markers = [*self._lasting, *(trail.marker for trail in self._trails if trail.due)]
+        if self._contacts:
+            self._flash.id = (self._flash.id + 1) % FLASH_IDS
+            self._flash.points = list(self._contacts)
+            self._contacts.clear()
+            self._message.markers.append(self._flash)
+        return self._message
+
+    def flash(self, points: Iterable[Sequence[float]]) -> None:
+        """Contacts at these points (x, y), m, for the next message."""
+        self._contacts.extend(Point(x=float(x), y=float(y), z=self._radius) for x, y in points)
+
+    def restart(self) -> None:
+        """The balls are put elsewhere, or messages were left out: trails start anew, contacts are forgotten."""
+        for trail in self._trails:
+            trail.restart()
+        self._contacts.clear()
+        self._stamp = None
+
+    def _turn(self, orientations: Sequence[Sequence[float]] | None) -> None:
+        turned = orientations is not None
+        if not (turned or self._turned):
+            return
+        turns = orientations or [LEVEL] * len(self._balls)
+        for ball, (x, y, z, w) in zip(self._balls, turns):
+            turn = ball.pose.orientation
+            turn.x, turn.y, turn.z, turn.w = x, y, z, w
+        for index, stripe in self._stripes:
+            _turn_stripe(stripe, turns[index])
+        self._turned = turned
+
+    def _marker(self, namespace: str, index: int, shape: int, colour: tuple[float, float, float]) -> Marker:
+        marker = _marker(namespace, index, shape, colour)
+        marker.header = self._header
+        return marker
+
+
+class _Trail:
+    # Where a ball was in the last messages, at most `length` of them, from the ball backwards.
+
+    def __init__(self, marker: Marker, height: float, length: int) -> None:
+        marker.lifetime = _duration(TRAIL_LIFETIME)
+        red, green, blue = marker.color.r, marker.color.g, marker.color.b
+        opacities = [TRAIL_OPACITY * (length - place) / length for place in range(length)]
+        self._colours = [ColorRGBA(r=red, g=green, b=blue, a=opacity) for opacity in opacities]
+        self.marker = marker
+        self.due = False  # to be sent
+        self._drawn = False
+        self._height = height
+        self._length = length
+        self._points: list[Point] = []
+
+    def follow(self, x: float, y: float) -> None:
+        """The ball is here (m) one message later; a trail whose ball rests loses its end, and is taken away with it."""
+        points = self._points
+        if not points:
+            points.append(Point(x=x, y=y, z=self._height))
+        elif (points[0].x, points[0].y) != (x, y):
+            point = points.pop() if len(points) == self._length else Point(z=self._height)
+            point.x, point.y = x, y
+            points.insert(0, point)
+        elif len(points) > 1:
+            points.pop()
+        drawn = len(points) > 1
+        self.due = drawn or self._drawn
+        if self.due:
+            self.marker.action = Marker.ADD if drawn else Marker.DELETE
+            self.marker.points = points
+            self.marker.colors = self._colours[: len(points)]
+        self._drawn = drawn
+
+    def restart(self) -> None:
+        """Forget where the ball was."""
+        self._points.clear()
 
 
 def table_markers(table: Table, radius: float, stamp: int) -> MarkerArray:
@@ -83,25 +245,25 @@ def table_markers(table: Table, radius: float, stamp: int) -> MarkerArray:
 def preview_markers(preview: Preview | None, names: Sequence[str], radius: float, stamp: int) -> MarkerArray:
     """What a shot would do, in place of the preview before.
 
-    A line for each ball that moves (id = its place in the scene), the points of contact, and every ball, translucent,
-    where it ends. Nothing where there is no preview.
+    For each ball that moves (id = its place in the scene) a line, and the ball, translucent, where it ends; the points
+    of contact. Nothing where there is no preview.
     """
     message = erasing()
     if preview is None:
         return message
     for index, (name, path) in enumerate(zip(names, preview.paths)):
-        if len(path) > 1:
-            line = _marker("preview_paths", index, Marker.LINE_STRIP, ball_colour(name))
-            line.scale.x = PATH_WIDTH
-            line.points = [Point(x=x, y=y, z=radius) for x, y in path]
-            message.markers.append(line)
+        if len(path) < 2:
+            continue  # a translucent ball where the ball itself lies would only tint it
+        line = _marker("preview_paths", index, Marker.LINE_STRIP, _line_colour(name))
+        line.scale.x = PATH_WIDTH
+        line.points = [Point(x=x, y=y, z=radius) for x, y in path]
         ball = _marker("preview_balls", index, Marker.SPHERE, ball_colour(name))
         ball.pose.position.x, ball.pose.position.y = path[-1]
         ball.pose.position.z = radius
         ball.scale.x = ball.scale.y = ball.scale.z = 2.0 * radius
         ball.color.a = PREVIEW_OPACITY
-        message.markers.append(ball)
-    hits = [event.point for event in preview.events if event.kind in ("ball_ball", "ball_rail")]
+        message.markers += [line, ball]
+    hits = contact_points(preview.events)
     if hits:
         contacts = _marker("preview_contacts", 0, Marker.SPHERE_LIST, CONTACT)
         contacts.scale.x = contacts.scale.y = contacts.scale.z = CONTACT_SIZE
@@ -110,6 +272,11 @@ def preview_markers(preview: Preview | None, names: Sequence[str], radius: float
     for marker in message.markers:
         set_stamp(marker.header.stamp, stamp)
     return message
+
+
+def contact_points(events: Iterable[Event]) -> list[tuple[float, float]]:
+    """Where balls hit each other or a rail, (x, y) m."""
+    return [event.point for event in events if event.kind in ("ball_ball", "ball_rail")]
 
 
 def erasing() -> MarkerArray:
@@ -131,3 +298,20 @@ def _marker(namespace: str, index: int, shape: int, colour: tuple[float, float, 
     red, green, blue = colour
     marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
     return marker
+
+
+def _line_colour(name: str) -> tuple[float, float, float]:
+    red, green, blue = (LINE_WHITE + (1.0 - LINE_WHITE) * part for part in ball_colour(name))
+    return red, green, blue
+
+
+def _turn_stripe(stripe: Marker, orientation: Sequence[float]) -> None:
+    # The axis of a cylinder is z, that of a stripe the ball's y: a quarter turn about x goes before the ball's own.
+    x, y, z, w = orientation
+    turn = stripe.pose.orientation
+    turn.x, turn.y, turn.z, turn.w = (math.sqrt(0.5) * part for part in (w + x, y + z, z - y, w - x))
+
+
+def _duration(seconds: float) -> Duration:
+    sec, nanosec = divmod(round(seconds * NANOSECONDS), NANOSECONDS)
+    return Duration(sec=sec, nanosec=nanosec)

@@ -277,6 +277,7 @@ class TableNode(Node):
             return
         self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
         self._twists_due = [True] * len(self._scene)
+        self._ball_markers.restart()
         self._answer(self._placement_result_publisher, True)
 
     def _check_at_rest(self, before: str) -> None:
@@ -300,6 +301,7 @@ class TableNode(Node):
         self._stamps.restart(self._simulation.time)
         self._simulation = Simulation(self._scene)
         self._twists_due = [True] * len(self._scene)
+        self._ball_markers.restart()
 
     def _adopt_scene(self) -> None:
         # The new scene may have other balls, and brings a table and physics of its own.
@@ -370,6 +372,7 @@ class TableNode(Node):
         self._simulation = self._relaid(change.settings.scene)
         self._settings, self._after_reset = change.settings, change.after_reset
         self._poses = messages.Poses(len(self._scene), self._scene.physics.radius)
+        self._ball_markers = self._new_ball_markers()
         self._apply_settings()
 
     def _apply_settings(self) -> None:
@@ -412,10 +415,16 @@ class TableNode(Node):
         self._poses = messages.Poses(len(self._scene), radius)
         self._twists = [messages.Twist(name) for name in self._scene.names]
         self._twists_due = [True] * len(self._scene)
-        self._ball_markers = markers.new_ball_markers(self._scene.names, radius)
+        self._ball_markers = self._new_ball_markers()
         self._frames = self._new_frames()
 
+    def _new_ball_markers(self) -> markers.BallMarkers:
+        rate = min(self._settings.marker_rate, self._settings.update_rate)
+        return markers.BallMarkers(self._scene.names, self._scene.physics.radius, rate)
+
     def _publish_events(self, events: Sequence[Event]) -> None:
+        if len(events) > 0 and self._markers_publisher.get_subscription_count() > 0:
+            self._ball_markers.flash(markers.contact_points(events))
         if len(events) == 0 or self._collisions_publisher.get_subscription_count() == 0:
             return
         radius = self._scene.physics.radius
@@ -461,9 +470,11 @@ class TableNode(Node):
 
     def _publish_markers(self) -> None:
         if self._markers_publisher.get_subscription_count() == 0:
+            self._ball_markers.restart()
             return
-        markers.update_ball_markers(self._ball_markers, self._simulation.positions.tolist(), self._stamp())
-        self._markers_publisher.publish(self._ball_markers)
+        turned = self._simulation.orientations.tolist() if self._scene.track_orientation else None
+        message = self._ball_markers.update(self._simulation.positions.tolist(), self._stamp(), turned)
+        self._markers_publisher.publish(message)
 
     def _publish_table_markers(self) -> None:
         message = markers.table_markers(self._scene.table, self._scene.physics.radius, self._stamp())

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
-from billiards_sim.colours import CLOTH, DISC, STRIPE, WOOD, ball_colour, is_striped
+from billiards_sim.colours import CLOTH, DISC, STRIPE, WHITE, WOOD, ball_colour, is_striped
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.table import Table
 from billiards_sim.study.recording import Pose, Recording, ticks
@@ -32,7 +32,6 @@ SPOT = 0.2
 
 SPOT_COLOUR = (0.75, 0.10, 0.10)
 MARKING = (0.90, 0.86, 0.76)
-WHITE = (0.98, 0.97, 0.94)
 BLACK = (0.06, 0.06, 0.06)
 
 LIGHT = np.array([-0.40, 0.45, 0.80])

@@ -118,6 +118,9 @@ def test_what_a_camera_saw_becomes_the_table(site: Site) -> None:
     assert (verdict["accepted"], verdict["reason"]) == (True, "")
     expected = [tuple(row) for row in placed_positions(poses(seen), scene, TOLERANCE).tolist()]
     client.spin_until(lambda: np.allclose(positions(client.poses[-1]), expected, rtol=0.0, atol=1e-15))
+    before = len(client.markers)
+    client.spin_until(lambda: len(client.markers) > before + 2)
+    assert "trails" not in {marker.ns for message in client.markers for marker in message.markers}
 
     assert client.shoot(wrench_from_shot((0.0, 40.0, 0.0), (0.0, 0.0)))["accepted"]
     moving = client.place(poses(scene.positions))

@@ -131,7 +131,8 @@ def test_markers_draw_paths_contacts_and_final_positions() -> None:
         ("preview_paths", 0),
         ("preview_paths", 1),
         ("preview_contacts", 0),
-        *(("preview_balls", index) for index in range(3)),
+        ("preview_balls", 0),
+        ("preview_balls", 1),
     }
     assert len(by_id) == len(others)
     assert all((one.action, one.header.frame_id, one.header.stamp.sec) == (Marker.ADD, "table", 1) for one in others)
@@ -142,7 +143,7 @@ def test_markers_draw_paths_contacts_and_final_positions() -> None:
     hits = [event.point for event in found.events if event.kind in ("ball_ball", "ball_rail")]
     assert contacts.type == Marker.SPHERE_LIST
     assert [(p.x, p.y) for p in contacts.points] == hits
-    for index, place in enumerate(found.final_positions):
+    for index, place in enumerate(found.final_positions[:2]):
         ball = by_id["preview_balls", index]
         assert (ball.pose.position.x, ball.pose.position.y) == place
         assert 0.0 < ball.color.a < 1.0

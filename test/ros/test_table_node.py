@@ -3,16 +3,21 @@
 import math
 import re
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
 from builtin_interfaces.msg import Time
 from conftest import Site
 from geometry_msgs.msg import WrenchStamped
 from process import Client, positions, stamp_ns
+from rclpy.executors import SingleThreadedExecutor
 
 import billiards_sim as bs
+from billiards_sim.ros.markers import BallMarkers
+from billiards_sim.ros.table_node import TableNode
 from billiards_sim.ros.wrench import wrench_from_shot
 
 BREAK = ("--force", "125", "6", "--offset", "0.004", "-0.002")
@@ -66,6 +71,10 @@ def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> N
     client.spin_until(lambda: resting() == set(simulation.scene.names))
     assert max(math.hypot(t.velocity.linear.x, t.velocity.linear.y) for t in client.twists) > 5.0
 
+    assert {marker.ns for message in client.markers for marker in message.markers} == {
+        *("balls", "stripes", "trails", "contacts"),
+    }
+    client.spin_until(lambda: {marker.ns for marker in client.markers[-1].markers} == {"balls", "stripes"})
     assert client.markers[-1].markers[3].ns == "balls"
     assert client.markers[-1].markers[3].pose.position.x == pytest.approx(final.poses[3].position.x, abs=1e-9)
 
@@ -131,6 +140,13 @@ def test_a_late_client_gets_rest_twists_and_table_markers(idle: Client, shared_s
     late.close()
 
 
+def longest_piece_of_a_trail(client: Client) -> float:
+    """Between two of its points, m; 0 where there is no trail."""
+    trails = [marker.points for message in client.markers for marker in message.markers if marker.ns == "trails"]
+    pieces = [math.hypot(one.x - other.x, one.y - other.y) for points in trails for one, other in pairwise(points)]
+    return max(pieces, default=0.0)
+
+
 def test_reset_brings_the_scene_back_while_balls_move(site: Site) -> None:
     start = [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
     site.table("scene:=eight_ball")
@@ -145,6 +161,9 @@ def test_reset_brings_the_scene_back_while_balls_move(site: Site) -> None:
     response = client.reset()
     assert response.success
     client.spin_until(lambda: client.at_rest == [True, False, True])
+    before = len(client.markers)
+    client.spin_until(lambda: len(client.markers) > before + 2)
+    assert 0.0 < longest_piece_of_a_trail(client) < 0.7  # the cue ball was some 1.2 m from its spot
     assert positions(client.next_poses()[0]) == start
     stamps = [stamp_ns(message.header.stamp) for message in client.poses]
     assert all(np.diff(stamps) >= 0)
@@ -152,6 +171,29 @@ def test_reset_brings_the_scene_back_while_balls_move(site: Site) -> None:
 
     assert client.shoot(wrench())["accepted"]
     client.spin_until(lambda: [c["kind"] for c in client.collisions].count("shot") == 2)
+
+
+def test_nothing_is_collected_for_markers_that_nobody_hears(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unwanted(*_: object) -> None:
+        raise AssertionError("nobody listens")
+
+    monkeypatch.setattr(BallMarkers, "flash", unwanted)
+    monkeypatch.setattr(BallMarkers, "update", unwanted)
+    rclpy.init()
+    try:
+        node = TableNode()
+        node.start()
+        node.simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
+        node.advance(0.5)
+        assert not node.simulation.at_rest
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        before = node.simulation.time
+        while node.simulation.time < before + 0.2:  # some messages of markers would be due
+            executor.spin_once(timeout_sec=1.0)
+        executor.shutdown()
+    finally:
+        rclpy.shutdown()
 
 
 def test_a_table_without_a_cue_ball_in_a_namespace(site: Site, tmp_path: Path) -> None:
