@@ -1,10 +1,12 @@
-"""The RViz configuration against what the node publishes."""
+"""The RViz configuration against what RViz reads and what the node publishes."""
 
+import copy
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
+import rviz_schema
 import yaml
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
@@ -15,9 +17,51 @@ from billiards_sim.ros.preview import predict
 from billiards_sim.ros.table_node import TableNode
 from billiards_sim.ros.wrench import FRAME
 
-RVIZ = yaml.safe_load((Path(__file__).parents[2] / "config" / "table.rviz").read_text())["Visualization Manager"]
+FILE = yaml.safe_load((Path(__file__).parents[2] / "config" / "table.rviz").read_text())
+RVIZ = FILE["Visualization Manager"]
 DISPLAYS = {display["Name"]: display for display in RVIZ["Displays"]}
 TYPES = {"MarkerArray": "visualization_msgs/msg/MarkerArray", "PoseArray": "geometry_msgs/msg/PoseArray"}
+
+
+def test_rviz_knows_every_name_and_every_value_of_the_file() -> None:
+    assert rviz_schema.mistakes(FILE) == []
+
+
+MANAGER = "Visualization Manager"
+BROKEN = {
+    "a display's property": (MANAGER, "Displays", 1, "Namespace"),
+    "a property of its topic": (MANAGER, "Displays", 1, "Topic", "Dpeth"),
+    "a policy": (MANAGER, "Displays", 0, "Topic", "Durability Policy"),
+    "a type": (MANAGER, "Displays", 0, "Topic", "Depth"),
+    "a class": (MANAGER, "Displays", 2, "Class"),
+    "a tool": (MANAGER, "Tools", 0, "Class"),
+    "a property of a tool": (MANAGER, "Tools", 4, "Line Color"),
+    "the view": (MANAGER, "Views", "Current", "Zoom"),
+    "a colour": (MANAGER, "Global Options", "Background Color"),
+    "a panel": ("Panels", 0, "Help height"),
+    "a value with parts": (MANAGER, "Displays", 1, "Namespaces"),
+}
+
+
+@pytest.mark.parametrize("path", BROKEN.values(), ids=BROKEN.keys())
+def test_a_misspelt_name_or_value_is_found(path: tuple[str | int, ...]) -> None:
+    settings = copy.deepcopy(FILE)
+    inner = settings
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = "Transient local"
+    (mistake,) = rviz_schema.mistakes(settings)
+    assert str(path[-1]) in mistake or "no class" in mistake
+
+
+def test_what_rviz_reads_only_together_or_needs_is_asked_for() -> None:
+    settings = copy.deepcopy(FILE)
+    del settings["Panels"][0]["Tree Height"]
+    del settings["Window Geometry"]["Hide Left Dock"]
+    assert rviz_schema.mistakes(settings) == [
+        "/Panels/0: only together: Help Height, Tree Height",
+        "/Window Geometry: needs Hide Left Dock",
+    ]
 
 
 @pytest.fixture
