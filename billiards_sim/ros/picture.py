@@ -1,0 +1,209 @@
+"""What RViz shows with `config/table.rviz`, without RViz: `python3 -m billiards_sim.ros.picture docs/rviz.png`.
+
+The markers are those that the node publishes; the file says which of them are seen, and from where.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from matplotlib.figure import Figure
+from visualization_msgs.msg import Marker, MarkerArray
+
+from billiards_sim.command_line import USAGE_ERROR, Parser
+from billiards_sim.engine import scenes
+from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.simulation import Simulation
+from billiards_sim.ros import markers, messages
+from billiards_sim.ros.aim import Aim
+from billiards_sim.ros.preview import predict
+from billiards_sim.ros.rendering import Array, View, draw
+
+CONFIGURATION = Path("config/table.rviz")
+"""From the top of the repository."""
+
+BREAK = Aim(speed=8.0, angle=math.radians(0.6))
+"""The break of the picture."""
+
+SHOWN_AFTER = 0.4
+"""s from the shot to the upper picture."""
+
+PREVIEWED = Aim(speed=1.5, angle=math.radians(-37.0))
+"""The shot that the lower picture asks for, once the break has come to rest."""
+
+RATE = 30.0
+"""Hz, of the messages: the default `marker_rate`."""
+
+SIZE = (920, 470)
+"""Pixels of RViz's view that are in a picture: about what the dock leaves of the window's width."""
+
+ZOOM = 1280 / 920
+"""Pixels of the picture in one of those."""
+
+TITLE = 24
+"""Pixels of the line above each view."""
+
+Sent = tuple[float, str, MarkerArray]
+"""A message: s, topic, and what it is."""
+
+
+class Display:
+    """What RViz has in store of one marker topic.
+
+    Args:
+        settings: of the display in the RViz file.
+    """
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        self._enabled = bool(settings["Enabled"])
+        self._namespaces: Mapping[str, bool] = settings.get("Namespaces", {})
+        self._kept: dict[tuple[str, int], tuple[Marker, float]] = {}
+
+    def take(self, message: MarkerArray, now: float) -> None:
+        """A message that arrives, at a time in s. Its markers are kept as they are, so they must not change later."""
+        for marker in message.markers:
+            key = (marker.ns, marker.id)
+            if marker.action == Marker.DELETEALL:
+                self._kept.clear()
+            elif marker.action == Marker.DELETE:
+                self._kept.pop(key, None)
+            else:
+                lifetime = marker.lifetime.sec + marker.lifetime.nanosec / messages.NANOSECONDS
+                self._kept[key] = (marker, now + lifetime if lifetime > 0.0 else math.inf)
+
+    def shown(self, now: float) -> list[Marker]:
+        """The markers that are seen at a time in s."""
+        if not self._enabled:
+            return []
+        return [one for one, end in self._kept.values() if now < end and self._namespaces.get(one.ns, True)]
+
+
+def read_view(settings: Mapping[str, Any], size: tuple[int, int], zoom: float) -> View:
+    """The view of an RViz file's `Visualization Manager`.
+
+    Args:
+        size: pixels of RViz's own view.
+        zoom: pixels of the picture in one of those.
+
+    Raises:
+        ValueError: the view is not one straight down.
+    """
+    current, options = settings["Views"]["Current"], settings["Global Options"]
+    if current["Class"] != "rviz_default_plugins/TopDownOrtho":
+        raise ValueError(f"the view must be TopDownOrtho, got {current['Class']}")
+    red, green, blue = (int(part) / 255 for part in options["Background Color"].split(";"))
+    return View(
+        (float(current["X"]), float(current["Y"])),
+        zoom * float(current["Scale"]),
+        float(current["Angle"]),
+        (round(zoom * size[0]), round(zoom * size[1])),
+        (red, green, blue),
+        options["Fixed Frame"],
+    )
+
+
+def read_displays(settings: Mapping[str, Any]) -> dict[str, Display]:
+    """The marker displays of an RViz file's `Visualization Manager`, by topic."""
+    found = [one for one in settings["Displays"] if one["Class"] == "rviz_default_plugins/MarkerArray"]
+    return {one["Topic"]["Value"]: Display(one) for one in found}
+
+
+def break_messages(scene: Scene, shot: Aim, duration: float) -> Iterator[Sent]:
+    """What the node publishes from a shot on, for a time in s."""
+    simulation = _struck(scene, shot)
+    balls = markers.BallMarkers(scene.names, scene.physics.radius, RATE)
+    yield 0.0, "table_markers", markers.table_markers(scene.table, scene.physics.radius, 0)
+    for tick in range(round(duration * RATE) + 1):
+        stamp = round(simulation.time * messages.NANOSECONDS)
+        yield tick / RATE, "markers", copy.deepcopy(balls.update(simulation.positions.tolist(), stamp))
+        balls.flash(markers.contact_points(simulation.advance(1.0 / RATE)))
+
+
+def preview_messages(scene: Scene, shot: Aim) -> Iterator[Sent]:
+    """What the node publishes for a preview on a table at rest."""
+    physics = scene.physics
+    balls = markers.BallMarkers(scene.names, physics.radius, RATE)
+    preview = predict(Simulation(scene), shot.shot(physics.mass, physics.radius, physics.cue_contact_time))
+    yield 0.0, "table_markers", markers.table_markers(scene.table, physics.radius, 0)
+    yield 0.0, "markers", balls.update(scene.positions.tolist(), 0)
+    yield 0.0, "preview", markers.preview_markers(preview, scene.names, physics.radius, 0)
+
+
+def _struck(scene: Scene, shot: Aim) -> Simulation:
+    physics = scene.physics
+    strike = shot.shot(physics.mass, physics.radius, physics.cue_contact_time)
+    simulation = Simulation(scene)
+    simulation.strike(strike.force, strike.offset)
+    return simulation
+
+
+def draw_messages(settings: Mapping[str, Any], sent: Iterable[Sent], view: View) -> Array:
+    """What RViz shows after messages: (height, width, 3) red green blue, from 0 to 1.
+
+    Args:
+        settings: an RViz file's `Visualization Manager`.
+
+    Raises:
+        ValueError: as `draw`.
+    """
+    displays = read_displays(settings)
+    now = 0.0
+    for now, topic, message in sent:
+        if topic in displays:
+            displays[topic].take(message, now)
+    return draw([marker for display in displays.values() for marker in display.shown(now)], view)
+
+
+def write_picture(path: Path, settings: Mapping[str, Any], size: tuple[int, int] = SIZE, zoom: float = ZOOM) -> None:
+    """A break under way, and below it the preview of a shot once it has come to rest; PNG.
+
+    Args:
+        settings: an RViz file's `Visualization Manager`.
+        size: pixels of RViz's own view.
+        zoom: pixels of the picture in one of those.
+    """
+    scene = scenes.eight_ball()
+    broken = _struck(scene, BREAK)
+    broken.run()
+    at_rest = dataclasses.replace(scene, positions=broken.positions)
+    view = read_view(settings, size, zoom)
+    width, height = view.size
+    rows = {
+        f"{SHOWN_AFTER:g} s after a break shot of {BREAK.speed:g} m/s": break_messages(scene, BREAK, SHOWN_AFTER),
+        f"at rest, the preview of a shot of {PREVIEWED.speed:g} m/s": preview_messages(at_rest, PREVIEWED),
+    }
+    full = len(rows) * (height + TITLE)
+    figure = Figure(figsize=(width / 100, full / 100), dpi=100)
+    for row, (title, sent) in enumerate(rows.items()):
+        bottom = full - (row + 1) * (height + TITLE)
+        axes = figure.add_axes((0.0, bottom / full, 1.0, height / full))
+        axes.imshow(draw_messages(settings, sent, view), interpolation="none", aspect="auto")
+        axes.set_axis_off()
+        figure.text(0.01, (bottom + height + 0.5 * TITLE) / full, title, va="center", fontsize=9)
+    figure.savefig(path, format="png", pil_kwargs={"optimize": True})
+
+
+def main(arguments: list[str]) -> int:
+    """Draw the picture; returns the exit code."""
+    parser = Parser(prog="picture", description="Draw what RViz shows of a table, without RViz.")
+    parser.add_argument("path", type=Path, metavar="FILE.png", help="where to")
+    parser.add_argument("--rviz", type=Path, default=CONFIGURATION, metavar="FILE", help=f"({CONFIGURATION})")
+    options = parser.parse_args(arguments)
+    try:
+        settings = yaml.safe_load(options.rviz.read_text(encoding="utf-8"))["Visualization Manager"]
+        write_picture(options.path, settings)
+    except OSError as error:
+        print(f"picture: {error}", file=sys.stderr)
+        return USAGE_ERROR
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
