@@ -36,7 +36,6 @@ PREVIEW_OPACITY = 0.4
 RAIL_HEIGHT = 1.25
 """In ball radii above the cloth, for the eye only: the model's rails are vertical walls."""
 
-
 LINE_WHITE = 0.35
 """Share of white in the lines of a ball, to be seen on the cloth: some balls are green, too."""
 
@@ -74,7 +73,7 @@ FLASH_IDS = 1000
 """After which ids of flashes come again: more than messages in a flash's lifetime at the highest marker rate."""
 
 MOST_FLASHES = 100
-"""Contacts in one message, the last ones; a break begins with some 60 at once."""
+"""Contacts in one message, the last ones; a break begins with some 20 in a thirtieth of a second."""
 
 
 class BallMarkers:
