@@ -9,29 +9,26 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from geometry_msgs.msg import PoseArray, VelocityStamped, WrenchStamped
+from geometry_msgs.msg import PoseArray, WrenchStamped
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosgraph_msgs.msg import Clock as ClockMessage
-from std_msgs.msg import Bool, String
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import USAGE_ERROR, Parser
 from billiards_sim.engine import scenes
-from billiards_sim.engine.events import Event
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
@@ -39,30 +36,15 @@ from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.preview import Preview, predict, preview_json, refusal_json
 from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, shut_out_signals, wake_on_signals
-from billiards_sim.ros.transforms import BallFrames, tf_message_type
+from billiards_sim.ros.state_publisher import EVENT_DEPTH, STATE_DEPTH, StatePublisher
+from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
-
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""A late subscriber gets the last message."""
-
-EVENT_DEPTH = 1000
-"""Messages kept for a reliable subscriber that falls behind; a break has a few hundred events."""
-
-STATE_DEPTH = 10
-"""Ticks kept for one."""
-
-TF_DEPTH = 100
-"""Of /tf, as tf2 has it."""
 
 LOG_PERIOD = 1.0
 """s between two lines of the log about the same kind of refusal; every refusal is answered on its topic."""
 
 MOST_PREVIEWS = 100
 """That wait for their tick; more are refused."""
-
-MOST_BALLS = 22
-"""Of the games in use (snooker): twists are kept for as many, or for the first scene's if it has more."""
-
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -112,28 +94,16 @@ class TableNode(Node):
         self._after_reset = self._settings
         self._change: Change | None = None
         self._adopting = False
-        self._clock_message = ClockMessage()
         self.lock = threading.RLock()
         self.metronome = Metronome(self._on_tick, self.lock)
-        self._markers_due = 0.0
-        self._clock_publisher: Publisher | None = None
-        self._frames_publisher: Publisher | None = None
         self._paused = False
         self._previews: deque[WrenchStamped] = deque()
-        self._twist_subscribers = 0
-        self._make_messages()
 
-        self._poses_publisher = self.create_publisher(PoseArray, "balls/poses", STATE_DEPTH)
-        twists_depth = STATE_DEPTH * max(len(self._scene), MOST_BALLS)
-        self._twists_publisher = self.create_publisher(VelocityStamped, "balls/twists", twists_depth)
-        self._markers_publisher = self.create_publisher(MarkerArray, "markers", STATE_DEPTH)
-        self._table_markers_publisher = self.create_publisher(MarkerArray, "table_markers", LATCHED)
-        self._collisions_publisher = self.create_publisher(String, "collisions", EVENT_DEPTH)
+        self._publisher = StatePublisher(self, len(self._scene))
         self._shot_result_publisher = self.create_publisher(String, "shot_result", EVENT_DEPTH)
         self._preview_publisher = self.create_publisher(MarkerArray, "preview", STATE_DEPTH)
         self._preview_result_publisher = self.create_publisher(String, "preview/result", EVENT_DEPTH)
         self._placement_result_publisher = self.create_publisher(String, "placement_result", EVENT_DEPTH)
-        self._at_rest_publisher = self.create_publisher(Bool, "at_rest", LATCHED)
 
     @property
     def settings(self) -> parameters.Settings:
@@ -153,9 +123,9 @@ class TableNode(Node):
         """Put the scene on the table, start the clock, take shots."""
         self._simulation = Simulation(self._scene)
         self._stamps = messages.Stamps(self.get_clock().now().nanoseconds)
-        self._publish_table_markers()
-        self._at_rest: bool | None = None
-        self._publish_at_rest()
+        self._apply_settings()
+        self._publisher.table(self._stamp())
+        self._publisher.at_rest(self._simulation)
         self.add_pre_set_parameters_callback(parameters.as_declared)
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.add_post_set_parameters_callback(self._on_parameters_set)
@@ -165,30 +135,26 @@ class TableNode(Node):
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
         self.create_subscription(WrenchStamped, "cue_shot/preview", self._on_preview, EVENT_DEPTH)
         self.create_subscription(PoseArray, "place_balls", self._on_place_balls, STATE_DEPTH)
-        self._apply_settings()
 
     def advance(self, duration: float) -> None:
         """Go on by `duration` s of simulated time and publish the state."""
         try:
-            self._publish_events(self._simulation.advance(duration))
+            self._publisher.events(self._simulation.advance(duration), self._stamps)
         except StallError as error:
             self.get_logger().error(f"the table goes back to the start of its scene: {error}")
-            self._publish_events(error.events)
+            self._publisher.events(error.events, self._stamps)
             self._restart()
-        self._publish_clock()
-        self._publish_poses()
-        self._publish_frames()
-        self._publish_twists()
-        self._publish_at_rest()
+        self._publisher.state(self._simulation, self._stamp())
 
     def reset(self) -> str:
         """Back to the start of the scene, or to a new one; returns what is now on the table."""
-        self._publish_events(self._simulation.advance(0.0))  # of a shot that no tick has followed yet
+        # Of a shot that no tick has followed yet:
+        self._publisher.events(self._simulation.advance(0.0), self._stamps)
         if self._after_reset is not self._settings:
             self._settings = self._after_reset
             self._adopt_scene()
         self._restart()
-        self._publish_at_rest()
+        self._publisher.at_rest(self._simulation)
         return f"{len(self._scene)} balls back at the start of scene {self._settings.scene_name}"
 
     @property
@@ -197,10 +163,7 @@ class TableNode(Node):
 
     def _on_tick(self) -> None:
         self.advance(0.0 if self._paused else self._tick_time)
-        self._markers_due += self._settings.marker_rate / self._settings.update_rate
-        if self._markers_due >= 1.0:
-            self._markers_due %= 1.0
-            self._publish_markers()
+        self._publisher.draw(self._simulation, self._stamp())
         # One a tick and after its messages, so that previews delay no tick by more than one of them takes.
         if self._previews:
             self._preview(self._previews.popleft())
@@ -235,7 +198,7 @@ class TableNode(Node):
             return
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
         self._answer(self._shot_result_publisher, True)
-        self._publish_at_rest()
+        self._publisher.at_rest(self._simulation)
 
     @between_ticks
     def _on_preview(self, message: WrenchStamped) -> None:
@@ -276,8 +239,7 @@ class TableNode(Node):
             self._answer(self._placement_result_publisher, False, str(error))
             return
         self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
-        self._twists_due = [True] * len(self._scene)
-        self._ball_markers.restart()
+        self._publisher.jump()
         self._answer(self._placement_result_publisher, True)
 
     def _check_at_rest(self, before: str) -> None:
@@ -300,15 +262,14 @@ class TableNode(Node):
     def _restart(self) -> None:
         self._stamps.restart(self._simulation.time)
         self._simulation = Simulation(self._scene)
-        self._twists_due = [True] * len(self._scene)
-        self._ball_markers.restart()
+        self._publisher.jump()
 
     def _adopt_scene(self) -> None:
         # The new scene may have other balls, and brings a table and physics of its own.
-        self._make_messages()
-        for publisher in (self._markers_publisher, self._table_markers_publisher, self._preview_publisher):
-            publisher.publish(markers.erasing())
-        self._publish_table_markers()
+        self._publisher.erase()
+        self._preview_publisher.publish(markers.erasing())
+        self._publisher.use(self._settings)
+        self._publisher.table(self._stamp())
         values = self._settings.values().items()
         changed = [Parameter(name, value=value) for name, value in values if value != self.get_parameter(name).value]
         with self._adopting_parameters():
@@ -371,36 +332,11 @@ class TableNode(Node):
         change, self._change = self._change, None
         self._simulation = self._relaid(change.settings.scene)
         self._settings, self._after_reset = change.settings, change.after_reset
-        self._poses = messages.Poses(len(self._scene), self._scene.physics.radius)
-        self._ball_markers = self._new_ball_markers()
         self._apply_settings()
 
     def _apply_settings(self) -> None:
         self.metronome.set_rate(self._settings.update_rate)
-        # Only a table that is told to publishes on topics that all nodes share: one time for all has one source.
-        settings = self._settings
-        self._clock_publisher = self._switched(
-            self._clock_publisher, settings.publish_clock, lambda: self.create_publisher(ClockMessage, "/clock", 1)
-        )
-        self._frames_publisher = self._switched(
-            self._frames_publisher,
-            settings.publish_tf,
-            lambda: self.create_publisher(tf_message_type(), "/tf", TF_DEPTH),
-        )
-        self._frames = self._new_frames()
-
-    def _switched(self, publisher: Publisher | None, on: bool, make: Callable[[], Publisher]) -> Publisher | None:
-        if on and publisher is None:
-            return make()
-        if not on and publisher is not None:
-            self.destroy_publisher(publisher)
-            return None
-        return publisher
-
-    def _new_frames(self) -> BallFrames | None:
-        if not self._settings.publish_tf:
-            return None
-        return BallFrames(tf_message_type(), self._scene.names, self._scene.physics.radius)
+        self._publisher.use(self._settings)
 
     def _leave_out_what_is_not_installed(self) -> None:
         if self._settings.publish_tf:
@@ -409,82 +345,6 @@ class TableNode(Node):
             except ValueError as error:
                 self.get_logger().error(f"{error}; the table goes on without it")
                 self._settings = parameters.change_settings(self._settings, {"publish_tf": False})
-
-    def _make_messages(self) -> None:
-        radius = self._scene.physics.radius
-        self._poses = messages.Poses(len(self._scene), radius)
-        self._twists = [messages.Twist(name) for name in self._scene.names]
-        self._twists_due = [True] * len(self._scene)
-        self._ball_markers = self._new_ball_markers()
-        self._frames = self._new_frames()
-
-    def _new_ball_markers(self) -> markers.BallMarkers:
-        rate = min(self._settings.marker_rate, self._settings.update_rate)
-        return markers.BallMarkers(self._scene.names, self._scene.physics.radius, rate)
-
-    def _publish_events(self, events: Sequence[Event]) -> None:
-        if len(events) > 0 and self._markers_publisher.get_subscription_count() > 0:
-            self._ball_markers.flash(markers.contact_points(events))
-        if len(events) == 0 or self._collisions_publisher.get_subscription_count() == 0:
-            return
-        radius = self._scene.physics.radius
-        for event in events:
-            text = messages.collision_json(event, self._stamps.at(event.time), radius)
-            self._collisions_publisher.publish(String(data=text))
-
-    def _publish_clock(self) -> None:
-        if self._clock_publisher is not None:
-            messages.set_stamp(self._clock_message.clock, self._stamp())
-            self._clock_publisher.publish(self._clock_message)
-
-    def _publish_poses(self) -> None:
-        if self._poses_publisher.get_subscription_count() == 0:
-            return
-        turned = self._simulation.orientations if self._scene.track_orientation else None
-        self._poses_publisher.publish(self._poses.at(self._simulation.positions, self._stamp(), turned))
-
-    def _publish_frames(self) -> None:
-        if self._frames is None or self._frames_publisher is None:
-            return
-        if self._frames_publisher.get_subscription_count() > 0:
-            turned = self._simulation.orientations.tolist() if self._scene.track_orientation else None
-            self._frames_publisher.publish(self._frames.at(self._simulation.positions.tolist(), self._stamp(), turned))
-
-    def _publish_twists(self) -> None:
-        # A ball that rests is published once, and once more when somebody new listens.
-        subscribers = self._twists_publisher.get_subscription_count()
-        if subscribers > self._twist_subscribers:
-            self._twists_due = [True] * len(self._scene)
-        self._twist_subscribers = subscribers
-        if subscribers == 0 or (self._simulation.at_rest and not any(self._twists_due)):
-            return
-        stamp = self._stamp()
-        velocities = self._simulation.velocities
-        spins = self._simulation.angular_velocities
-        motion = np.concatenate((velocities, spins[:, :2]), axis=1)
-        moving: list[bool] = (np.abs(motion).max(axis=1) > 0.0).tolist()
-        for index, moves in enumerate(moving):
-            if moves or self._twists_due[index]:
-                self._twists_publisher.publish(self._twists[index].at(velocities[index], spins[index], stamp))
-        self._twists_due = moving
-
-    def _publish_markers(self) -> None:
-        if self._markers_publisher.get_subscription_count() == 0:
-            self._ball_markers.restart()
-            return
-        turned = self._simulation.orientations.tolist() if self._scene.track_orientation else None
-        message = self._ball_markers.update(self._simulation.positions.tolist(), self._stamp(), turned)
-        self._markers_publisher.publish(message)
-
-    def _publish_table_markers(self) -> None:
-        message = markers.table_markers(self._scene.table, self._scene.physics.radius, self._stamp())
-        self._table_markers_publisher.publish(message)
-
-    def _publish_at_rest(self) -> None:
-        at_rest = self._simulation.at_rest
-        if at_rest != self._at_rest:
-            self._at_rest = at_rest
-            self._at_rest_publisher.publish(Bool(data=at_rest))
 
     def _answer(self, publisher: Publisher, accepted: bool, reason: str = "") -> None:
         publisher.publish(String(data=messages.verdict_json(accepted, reason, self._simulation.time)))

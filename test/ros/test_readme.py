@@ -12,7 +12,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from billiards_sim.engine.quantity import quantities
 from billiards_sim.ros import parameters
-from billiards_sim.ros.table_node import MOST_BALLS, TF_DEPTH, TableNode
+from billiards_sim.ros.state_publisher import MOST_BALLS, TF_DEPTH
+from billiards_sim.ros.table_node import TableNode
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
