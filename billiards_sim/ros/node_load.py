@@ -1,17 +1,20 @@
-"""Mean rate and processor load of the node: `python3 -m billiards_sim.ros.node_load`.
+"""Evenness of the ticks and processor load of the node: `python3 -m billiards_sim.ros.node_load`.
 
-A table of 16 balls at 100 Hz in one process; poses, twists and markers subscribed in another, this one. Measured with
-the balls at rest, when twists are quiet, and moving, when every tick carries 16 of them. A low rolling friction keeps
-the balls moving for the whole measurement.
+A table of 16 balls in one process; the topics that are asked for subscribed in another, this one. Measured with the
+balls at rest, when twists are quiet, and moving, when every tick carries 16 of them: without rolling friction a break
+off centre keeps every ball moving for minutes.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,39 +23,57 @@ from geometry_msgs.msg import PoseArray, VelocityStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import Parser, positive_seconds
 from billiards_sim.ros.process import Child, isolate, ros, wake_on_signals
 
+TOPICS = {
+    "poses": ("balls/poses", PoseArray),
+    "twists": ("balls/twists", VelocityStamped),
+    "markers": ("markers", MarkerArray),
+    "collisions": ("collisions", String),
+}
+"""What can be subscribed, by the name on the command line."""
+
+BALLS = 16
+SHOT = ("128", "10")  # N, off centre: it sets every ball in motion
+
+DEPTH = 1000
+"""Messages kept for this process when it falls behind: a tick has 16 twists."""
+
 START_TIMEOUT = 60.0
 """s for the table to compile, start and be discovered."""
 
+SETTLING = 1.0
+"""s after the start, or after the shot, that are not measured: processes still find or forget each other."""
+
 
 class Listener(Node):
-    """Counts what arrives; messages stay serialised, so that this process takes little of the machine."""
+    """Counts what arrives; messages stay serialised, so that this process takes little of the machine.
 
-    def __init__(self) -> None:
+    Args:
+        topics: names in `TOPICS`.
+    """
+
+    def __init__(self, topics: Iterable[str]) -> None:
         super().__init__("node_load")
         self.arrivals: list[float] = []
-        self.twists = 0
-        self.markers = 0
+        self.counts: Counter[str] = Counter()
         self.at_rest: bool | None = None
+        for name in topics:
+            topic, kind = TOPICS[name]
+            callback = self._on_poses if name == "poses" else partial(self._count, name)
+            self.create_subscription(kind, topic, callback, DEPTH, raw=True)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(PoseArray, "balls/poses", self._on_poses, 100, raw=True)
-        self.create_subscription(VelocityStamped, "balls/twists", self._on_twist, 1000, raw=True)
-        self.create_subscription(MarkerArray, "markers", self._on_markers, 100, raw=True)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
 
     def _on_poses(self, _: bytes) -> None:
         self.arrivals.append(time.monotonic())
 
-    def _on_twist(self, _: bytes) -> None:
-        self.twists += 1
-
-    def _on_markers(self, _: bytes) -> None:
-        self.markers += 1
+    def _count(self, name: str, _: bytes) -> None:
+        self.counts[name] += 1
 
     def _on_at_rest(self, message: Bool) -> None:
         self.at_rest = message.data
@@ -64,23 +85,58 @@ def processor_time(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def measure(listener: Listener, spin: Callable[[], None], pid: int, duration: float) -> dict[str, Any]:
-    """Rates (Hz), load (share of one core) and tick spacing (s) over a duration, s."""
+def evenness(arrivals: Sequence[float], rate: float) -> dict[str, float | None]:
+    """Mean rate (Hz) of ticks that arrived at these times (s), and their spacing (s).
+
+    `jitter_p99` is what 99 % of the spacings differ from 1 / rate by, at most. None where nothing arrived twice.
+    """
+    names = ("spacing_p1", "spacing_p99", "spacing_deviation", "spacing_longest", "jitter_p99")
+    if len(arrivals) < 2:
+        return dict.fromkeys(("mean_rate", *names))
+    spacing = np.diff(arrivals)
+    figures = (
+        *np.percentile(spacing, (1, 99)),
+        spacing.std(),
+        spacing.max(),
+        np.percentile(np.abs(spacing - 1.0 / rate), 99),
+    )
+    return {"mean_rate": float(1.0 / spacing.mean()), **{name: float(value) for name, value in zip(names, figures)}}
+
+
+def measure(listener: Listener, spin: Callable[[], None], pid: int, rate: float, duration: float) -> dict[str, Any]:
+    """Rates (Hz), tick spacing (s), and load of the table and of this process (shares of one core).
+
+    Args:
+        listener: to what is measured.
+        spin: takes what has come for the listener.
+        pid: of the table.
+        rate: that the table was asked for, Hz.
+        duration: of the measurement, s.
+    """
     listener.arrivals.clear()
-    listener.twists = listener.markers = 0
-    began, load = time.monotonic(), processor_time(pid)
+    listener.counts.clear()
+    began, load, own_load = time.monotonic(), processor_time(pid), time.process_time()
     while time.monotonic() - began < duration:
         spin()
-    elapsed, load = time.monotonic() - began, processor_time(pid) - load
-    spacing = np.diff(listener.arrivals)
+    elapsed, load, own_load = time.monotonic() - began, processor_time(pid) - load, time.process_time() - own_load
     return {
-        "mean_rate": len(spacing) / (listener.arrivals[-1] - listener.arrivals[0]),
-        "spacing_p1": float(np.percentile(spacing, 1)),
-        "spacing_p99": float(np.percentile(spacing, 99)),
-        "twist_rate": listener.twists / elapsed,
-        "marker_rate": listener.markers / elapsed,
+        **evenness(listener.arrivals, rate),
+        "twist_rate": listener.counts["twists"] / elapsed,
+        "marker_rate": listener.counts["markers"] / elapsed,
         "load": load / elapsed,
+        "listener_load": own_load / elapsed,
     }
+
+
+def topic_names(text: str) -> tuple[str, ...]:
+    """An argument type: names in `TOPICS` with commas between them, `all` or `none`."""
+    if text in ("all", "none"):
+        return tuple(TOPICS) if text == "all" else ()
+    names = tuple(text.split(","))
+    for name in names:
+        if name not in TOPICS:
+            raise argparse.ArgumentTypeError(f"must be all, none or some of {','.join(TOPICS)}, got {name!r}")
+    return names
 
 
 def main(arguments: list[str]) -> int:
@@ -88,13 +144,20 @@ def main(arguments: list[str]) -> int:
     parser = Parser(prog="node_load", description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("--duration", type=positive_seconds, default=20.0, metavar="S", help="of each part, s (20)")
     parser.add_argument("--rate", type=positive_seconds, default=100.0, metavar="HZ", help="update_rate (100)")
+    parser.add_argument(
+        "--topics",
+        type=topic_names,
+        default="poses,twists,markers",
+        metavar="T,T",
+        help=f"to subscribe: all, none or some of {','.join(TOPICS)} (%(default)s)",
+    )
     options = parser.parse_args(arguments)
     isolate(os.environ)
-    given = ("scene:=eight_ball", f"update_rate:={options.rate}", "physics.rolling_friction:=0.0005")
+    given = ("scene:=eight_ball", f"update_rate:={options.rate}", "physics.rolling_friction:=0.0")
     table_arguments = [part for parameter in given for part in ("-p", parameter)]
     with ros("node_load", []), Child("table", "--ros-args", *table_arguments) as table:
         wake_on_signals()
-        listener = Listener()
+        listener = Listener(options.topics)
         executor = SingleThreadedExecutor()
         executor.add_node(listener)
 
@@ -108,11 +171,25 @@ def main(arguments: list[str]) -> int:
                     raise TimeoutError("the table did not answer")
                 spin()
 
-        wait(lambda: listener.at_rest is True and bool(listener.arrivals) and listener.twists >= 16)
-        print(json.dumps({"balls": "at rest", **measure(listener, spin, table.pid, options.duration)}), flush=True)
-        with Child("shoot", "--force", "128", "0") as shoot:
+        def settle() -> None:
+            settled = time.monotonic() + SETTLING
+            wait(lambda: time.monotonic() > settled)
+
+        def report(balls: str) -> None:
+            figures = measure(listener, spin, table.pid, options.rate, options.duration)
+            print(json.dumps({"balls": balls, "topics": options.topics, **figures}), flush=True)
+
+        def heard() -> bool:
+            poses = "poses" not in options.topics or bool(listener.arrivals)
+            return poses and ("twists" not in options.topics or listener.counts["twists"] >= BALLS)
+
+        wait(lambda: listener.at_rest is True and heard())
+        settle()
+        report("at rest")
+        with Child("shoot", "--force", *SHOT) as shoot:
             wait(lambda: shoot.exit_code is not None and listener.at_rest is False)
-        print(json.dumps({"balls": "moving", **measure(listener, spin, table.pid, options.duration)}), flush=True)
+        settle()
+        report("moving")
     return 0
 
 
