@@ -1,6 +1,7 @@
 # make demo   break a rack over ROS 2 and watch it
 # make test   every check
 # make soak   tens of thousands of random scenes to rest, with a progress bar; a quarter of an hour
+# make endurance  an hour of simulated shots, a flood, kills and late joiners of a running table; six minutes
 # make clean  remove what the two have made
 #
 # Needs Python 3.10 or newer with venv; PYTHON=... names another one. Everything else goes into .venv.
@@ -12,7 +13,7 @@ RUN := $(VENV)/bin/python
 # A sourced ROS installation must not mix with the wheels in .venv.
 unexport PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION
 
-.PHONY: demo test soak clean
+.PHONY: demo test soak endurance clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -31,6 +32,9 @@ test: $(VENV)/.installed-test
 
 soak: $(VENV)/.installed-test
 	@$(RUN) test/engine/soak.py
+
+endurance: $(VENV)/.installed-test
+	@$(RUN) test/ros/endurance.py
 
 clean:
 	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
