@@ -10,15 +10,17 @@ from typing import Any
 
 from billiards_sim.study.measure import ChildError, Task, installed, lines_of_python
 
-RATES = (100, 1000)  # Hz
+CASES = ((100, "all"), (100, "none"), (1000, "poses"), (1000, "all"))
+"""Rates, Hz, and the topics subscribed, as `node_load --topics` takes them."""
+
 DURATION = 10.0  # s, with the balls at rest and again with them moving
 
 LAST_DOMAIN = 101
 """ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
 
 
-def load(rate: int) -> list[dict[str, Any]]:
-    """What `python3 -m billiards_sim.ros.node_load` says at a rate, Hz: one record at rest, one moving.
+def load(rate: int, topics: str) -> list[dict[str, Any]]:
+    """What `python3 -m billiards_sim.ros.node_load` says of a case: one record at rest, one moving.
 
     Its traffic stays on this machine, in a domain of its own.
 
@@ -26,24 +28,24 @@ def load(rate: int) -> list[dict[str, Any]]:
         ChildError: it failed.
     """
     lines = lines_of_python(
-        *("-m", "billiards_sim.ros.node_load", "--rate", str(rate), "--duration", str(DURATION)),
+        *("-m", "billiards_sim.ros.node_load", "--rate", str(rate), "--topics", topics, "--duration", str(DURATION)),
         ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         ROS_DOMAIN_ID=str(1 + os.getpid() % LAST_DOMAIN),
     )
-    return [{"rate": rate, **json.loads(line)} for line in lines if line.startswith("{")]
+    return [{"rate": rate, **json.loads(line), "topics": topics} for line in lines if line.startswith("{")]
 
 
 def tasks() -> Iterator[Task]:
     """The pieces of this part."""
-    for rate in RATES:
-        yield f"node at {rate} Hz", partial(_add, rate=rate)
+    for rate, topics in CASES:
+        yield f"node at {rate} Hz, {topics}", partial(_add, rate=rate, topics=topics)
 
 
-def _add(study: dict[str, Any], rate: int) -> None:
+def _add(study: dict[str, Any], rate: int, topics: str) -> None:
     study["absent"] = not installed("rclpy")
     if study["absent"]:
         return
     try:
-        study.setdefault("runs", []).extend(load(rate))
+        study.setdefault("runs", []).extend(load(rate, topics))
     except ChildError as error:
-        study.setdefault("failures", []).append(f"at {rate} Hz: {error}")
+        study.setdefault("failures", []).append(f"at {rate} Hz, {topics}: {error}")

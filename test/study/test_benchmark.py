@@ -227,6 +227,26 @@ def test_a_table_is_aligned_markdown() -> None:
     )
 
 
+def test_the_node_has_no_rate_where_nobody_subscribes() -> None:
+    spacings = ("mean_rate", "spacing_p1", "spacing_p99", "jitter_p99", "spacing_longest")
+    common = {"rate": 100, "balls": "at rest", "load": 0.25, "listener_load": 0.5}
+    runs = [
+        {**common, "topics": "all", **dict.fromkeys(spacings, 0.01)},
+        {**common, "topics": "none", **dict.fromkeys(spacings)},
+    ]
+    rows = [line.split("|")[1:-1] for line in report.node_table({"runs": runs}).splitlines()[:4]]
+    names, heard, unheard = ([cell.strip() for cell in rows[index]] for index in (0, 2, 3))
+    assert dict(zip(names, heard))["longest, ms"] == "10.0"
+    assert dict(zip(names, unheard)) == {
+        **dict.fromkeys(names, "-"),
+        "Hz asked for": "100",
+        "balls": "at rest",
+        "share of a core": "25%",
+        "subscribed": "none",
+        "listener's share": "50%",
+    }
+
+
 def test_a_target_is_met_or_missed() -> None:
     rows = [
         speed.row("fast", "us", [1e-6, 2e-6, 3e-6], 2.0, 1e6),
