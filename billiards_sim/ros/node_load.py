@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseArray, VelocityStamped
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
@@ -158,7 +158,7 @@ def main(arguments: list[str]) -> int:
     with ros("node_load", []), Child("table", "--ros-args", *table_arguments) as table:
         wake_on_signals()
         listener = Listener(options.topics)
-        executor = SingleThreadedExecutor()
+        executor = EventsExecutor()  # the default one is late where 16 000 twists a second arrive
         executor.add_node(listener)
 
         def spin() -> None:
