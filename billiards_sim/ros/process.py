@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
+from pathlib import Path
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -21,6 +22,12 @@ STOPPED = (KeyboardInterrupt, ExternalShutdownException)
 
 GRACE = 5.0
 """s that a child has to end after its signal, before it is killed."""
+
+FASTDDS_PROFILES = Path(__file__).with_name("fastdds.xml")
+"""See `announce_often`."""
+
+FASTDDS_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Environment variables that configure Fast DDS. The first is that of ROS 2 Jazzy, the second of later ones."""
 
 LAST_DOMAIN = 101
 """ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
@@ -76,6 +83,16 @@ def isolate(environment: MutableMapping[str, str]) -> None:
     """Keep traffic on this machine, in a domain of its own unless the user names one."""
     environment.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % LAST_DOMAIN))
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+
+def announce_often(environment: MutableMapping[str, str]) -> None:
+    """Let late joiners find this process within a second, where Fast DDS is used and nobody configured it.
+
+    Two processes that miss each other's first announcements find each other with the next one. By default that comes
+    after 3 s, and until then a late joiner lacks what is latched.
+    """
+    if not any(name in environment for name in FASTDDS_VARIABLES):
+        environment[FASTDDS_VARIABLES[0]] = str(FASTDDS_PROFILES)
 
 
 class Child:

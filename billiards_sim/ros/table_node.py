@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import gc
+import os
 import sys
 import threading
 import time
@@ -35,7 +36,15 @@ from billiards_sim.ros import markers, messages, parameters
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.preview import Preview, predict, preview_json, refusal_json
-from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, shut_out_signals, wake_on_signals
+from billiards_sim.ros.process import (
+    STOPPED,
+    StartError,
+    announce_often,
+    own_arguments,
+    ros,
+    shut_out_signals,
+    wake_on_signals,
+)
 from billiards_sim.ros.state_publisher import EVENT_DEPTH, STATE_DEPTH, StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
@@ -364,6 +373,7 @@ def main(arguments: list[str]) -> int:
     )
     try:
         parser.parse_args(own_arguments("table", arguments))
+        announce_often(os.environ)
         with ros("table", arguments):
             _serve(TableNode())
     except (StartError, ValueError) as error:

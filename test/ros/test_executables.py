@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from conftest import Site
 
+from billiards_sim.ros.process import FASTDDS_PROFILES, FASTDDS_VARIABLES, announce_often
+
 ROS_EXECUTABLES = ("table", "shoot", "demo")
 EXECUTABLES = (*ROS_EXECUTABLES, "simulate")
 
@@ -95,6 +97,23 @@ def test_signals_end_the_table_with_code_0(site: Site, number: int, when: str) -
     table.signal(number)  # nor does an impatient second one disturb it
     assert table.wait() == 0
     assert "Traceback" not in table.stderr
+
+
+def test_the_middleware_understands_its_settings(site: Site) -> None:
+    table = site.table()
+    table.signal(signal.SIGINT)
+    assert table.wait() == 0
+    assert "XML" not in table.stdout + table.stderr  # Fast DDS complains of what it cannot read
+
+
+def test_whoever_configures_the_middleware_is_left_alone() -> None:
+    environment = {"HOME": "/"}
+    announce_often(environment)
+    assert environment == {"HOME": "/", "FASTRTPS_DEFAULT_PROFILES_FILE": str(FASTDDS_PROFILES)}
+    for name in FASTDDS_VARIABLES:
+        environment = {name: "mine.xml"}
+        announce_often(environment)
+        assert environment == {name: "mine.xml"}
 
 
 def test_shoot_without_a_table_gives_up(site: Site) -> None:
