@@ -107,6 +107,7 @@ class TableNode(Node):
         self.metronome = Metronome(self._on_tick, self.lock)
         self._paused = False
         self._previews: deque[WrenchStamped] = deque()
+        self._next_logs: dict[str, float] = {}  # s, of the steady clock, by what is refused
 
         self._publisher = StatePublisher(self, len(self._scene))
         self._shot_result_publisher = self.create_publisher(String, "shot_result", EVENT_DEPTH)
@@ -202,7 +203,7 @@ class TableNode(Node):
             self._check_at_rest("a shot")
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
-            self.get_logger().warning(f"shot refused: {error}", throttle_duration_sec=LOG_PERIOD)
+            self._log_refusal("shot", error)
             self._answer(self._shot_result_publisher, False, str(error))
             return
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
@@ -244,7 +245,7 @@ class TableNode(Node):
             positions = placed_positions(message, self._scene, self._settings.placement_tolerance)
             self._simulation = self._resting(self._scene, positions, np.zeros((len(self._scene), 3)))
         except ValueError as error:
-            self.get_logger().warning(f"placement refused: {error}", throttle_duration_sec=LOG_PERIOD)
+            self._log_refusal("placement", error)
             self._answer(self._placement_result_publisher, False, str(error))
             return
         self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
@@ -303,7 +304,7 @@ class TableNode(Node):
         try:
             self._change = self._prepare(changes) if changes else None
         except ValueError as error:
-            self.get_logger().warning(f"parameters refused: {error}", throttle_duration_sec=LOG_PERIOD)
+            self._log_refusal("parameters", error)
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
@@ -354,6 +355,13 @@ class TableNode(Node):
             except ValueError as error:
                 self.get_logger().error(f"{error}; the table goes on without it")
                 self._settings = parameters.change_settings(self._settings, {"publish_tf": False})
+
+    def _log_refusal(self, what: str, error: ValueError) -> None:
+        # rclpy's own throttling looks for its caller every time, which takes longer than all else in a refusal.
+        now = time.monotonic()
+        if now >= self._next_logs.get(what, now):
+            self._next_logs[what] = now + LOG_PERIOD
+            self.get_logger().warning(f"{what} refused: {error}")
 
     def _answer(self, publisher: Publisher, accepted: bool, reason: str = "") -> None:
         publisher.publish(String(data=messages.verdict_json(accepted, reason, self._simulation.time)))

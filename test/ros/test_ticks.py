@@ -7,12 +7,14 @@ from collections.abc import Callable
 
 import pytest
 import rclpy
+from geometry_msgs.msg import PoseArray
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.ros import state_publisher, table_node
 from billiards_sim.ros.markers import BallMarkers
 from billiards_sim.ros.table_node import TableNode
+from billiards_sim.ros.wrench import wrench_from_shot
 
 
 @pytest.mark.parametrize(
@@ -67,3 +69,17 @@ def test_an_error_in_a_tick_ends_the_node(make_node: Callable[..., TableNode], m
     monkeypatch.setattr(table_node, "wake_on_signals", lambda: None)
     with pytest.raises(ZeroDivisionError, match="in a tick"):
         table_node._serve(node)
+
+
+def test_refusals_of_one_kind_are_logged_once_a_period(
+    table: TableNode, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr(table_node.time, "monotonic", lambda: now[0])
+    for passed in (0.0, 0.5, 0.4, 0.2):
+        now[0] += passed
+        table._on_cue_shot(wrench_from_shot((0.0, 0.0, 0.0), (0.0, 0.0)))
+        table._on_place_balls(PoseArray())
+    log = capfd.readouterr().err
+    assert log.count("shot refused: ") == 2
+    assert log.count("placement refused: ") == 2
