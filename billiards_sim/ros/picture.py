@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -24,7 +25,7 @@ from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import markers, messages
 from billiards_sim.ros.aim import Aim
 from billiards_sim.ros.preview import predict
-from billiards_sim.ros.rendering import Array, View, draw
+from billiards_sim.ros.rendering import View, draw
 
 CONFIGURATION = Path("config/table.rviz")
 """From the top of the repository."""
@@ -46,6 +47,9 @@ SIZE = (920, 470)
 
 ZOOM = 1280 / 920
 """Pixels of the picture in one of those."""
+
+DPI = 100
+"""Pixels an inch, which matplotlib reckons in."""
 
 TITLE = 24
 """Pixels of the line above each view."""
@@ -93,16 +97,15 @@ def read_view(settings: Mapping[str, Any], size: tuple[int, int], zoom: float) -
         zoom: pixels of the picture in one of those.
 
     Raises:
-        ValueError: the view is not one straight down.
+        ValueError: the view is not one straight down with x to the right.
     """
     current, options = settings["Views"]["Current"], settings["Global Options"]
-    if current["Class"] != "rviz_default_plugins/TopDownOrtho":
-        raise ValueError(f"the view must be TopDownOrtho, got {current['Class']}")
+    if current["Class"] != "rviz_default_plugins/TopDownOrtho" or current["Angle"] != 0:
+        raise ValueError(f"the view must be TopDownOrtho at angle 0, got {current['Class']} at {current.get('Angle')}")
     red, green, blue = (int(part) / 255 for part in options["Background Color"].split(";"))
     return View(
         (float(current["X"]), float(current["Y"])),
         zoom * float(current["Scale"]),
-        float(current["Angle"]),
         (round(zoom * size[0]), round(zoom * size[1])),
         (red, green, blue),
         options["Fixed Frame"],
@@ -144,10 +147,11 @@ def _struck(scene: Scene, shot: Aim) -> Simulation:
     return simulation
 
 
-def draw_messages(settings: Mapping[str, Any], sent: Iterable[Sent], view: View) -> Array:
-    """What RViz shows after messages: (height, width, 3) red green blue, from 0 to 1.
+def draw_messages(axes: Axes, settings: Mapping[str, Any], sent: Iterable[Sent], view: View) -> None:
+    """Draw what RViz shows after messages.
 
     Args:
+        axes: with as many pixels as the view.
         settings: an RViz file's `Visualization Manager`.
 
     Raises:
@@ -158,7 +162,7 @@ def draw_messages(settings: Mapping[str, Any], sent: Iterable[Sent], view: View)
     for now, topic, message in sent:
         if topic in displays:
             displays[topic].take(message, now)
-    return draw([marker for display in displays.values() for marker in display.shown(now)], view)
+    draw(axes, [marker for display in displays.values() for marker in display.shown(now)], view)
 
 
 def write_picture(path: Path, settings: Mapping[str, Any], size: tuple[int, int] = SIZE, zoom: float = ZOOM) -> None:
@@ -180,13 +184,13 @@ def write_picture(path: Path, settings: Mapping[str, Any], size: tuple[int, int]
         f"at rest, the preview of a shot of {PREVIEWED.speed:g} m/s": preview_messages(at_rest, PREVIEWED),
     }
     full = len(rows) * (height + TITLE)
-    figure = Figure(figsize=(width / 100, full / 100), dpi=100)
+    figure = Figure(figsize=(width / DPI, full / DPI), dpi=DPI, facecolor=view.background)
     for row, (title, sent) in enumerate(rows.items()):
         bottom = full - (row + 1) * (height + TITLE)
         axes = figure.add_axes((0.0, bottom / full, 1.0, height / full))
-        axes.imshow(draw_messages(settings, sent, view), interpolation="none", aspect="auto")
-        axes.set_axis_off()
-        figure.text(0.01, (bottom + height + 0.5 * TITLE) / full, title, va="center", fontsize=9)
+        draw_messages(axes, settings, sent, view)
+        middle = bottom + height + 0.5 * TITLE
+        figure.text(0.01, middle / full, title, va="center", fontsize=9, color="white")
     figure.savefig(path, format="png", pil_kwargs={"optimize": True})
 
 
