@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -27,6 +28,10 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 EVENT_DEPTH = 1000
 """Messages kept for a reliable subscriber that falls behind; a break has a few hundred events."""
+
+EVENTS_A_TICK = 200
+"""Most events published at a tick: some 5 ms. A dense cluster can have thousands, which would hold up the ticks and
+overrun the queues of subscribers; they wait for the next ticks."""
 
 STATE_DEPTH = 10
 """Ticks kept for one."""
@@ -60,6 +65,7 @@ class StatePublisher:
         self._clock_publisher: Publisher | None = None
         self._frames_publisher: Publisher | None = None
         self._clock = Clock()
+        self._waiting: deque[tuple[Event, int]] = deque()  # with its stamp, ns
         self._at_rest: bool | None = None
         self._twist_subscribers = 0
         self._markers_due = 0.0
@@ -100,19 +106,21 @@ class StatePublisher:
         self._balls.restart()
 
     def events(self, events: Sequence[Event], stamps: Stamps) -> None:
-        """What happened, one message an event."""
+        """What happened: one message an event, `EVENTS_A_TICK` of them with each state."""
         if len(events) == 0:
             return
         if _heard(self._markers_publisher):
             self._balls.flash(markers.contact_points(events))
         if _heard(self._collisions_publisher):
-            radius = self._scene.physics.radius
-            for event in events:
-                text = messages.collision_json(event, stamps.at(event.time), radius)
-                self._collisions_publisher.publish(String(data=text))
+            self._waiting.extend((event, stamps.at(event.time)) for event in events)
+
+    def flush(self) -> None:
+        """Let no event wait."""
+        self._publish_events(len(self._waiting))
 
     def state(self, simulation: Simulation, stamp: int) -> None:
         """Where the balls are and how they move."""
+        self._publish_events(EVENTS_A_TICK)
         if self._clock_publisher is not None:
             messages.set_stamp(self._clock.clock, stamp)
             self._clock_publisher.publish(self._clock)
@@ -139,11 +147,17 @@ class StatePublisher:
             self._balls.restart()
 
     def at_rest(self, simulation: Simulation) -> None:
-        """Whether all balls rest, where that is new."""
-        at_rest = simulation.at_rest
+        """Whether all balls rest, where that is new. It comes after the events of the way there."""
+        at_rest = simulation.at_rest and not self._waiting
         if at_rest != self._at_rest:
             self._at_rest = at_rest
             self._at_rest_publisher.publish(Bool(data=at_rest))
+
+    def _publish_events(self, most: int) -> None:
+        radius = self._scene.physics.radius
+        for _ in range(min(most, len(self._waiting))):
+            event, stamp = self._waiting.popleft()
+            self._collisions_publisher.publish(String(data=messages.collision_json(event, stamp, radius)))
 
     def _publish_twists(self, simulation: Simulation, stamp: int) -> None:
         # A ball that rests is published once, and once more when somebody new listens.

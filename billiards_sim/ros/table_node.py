@@ -160,6 +160,7 @@ class TableNode(Node):
         """Back to the start of the scene, or to a new one; returns what is now on the table."""
         # Of a shot that no tick has followed yet:
         self._publisher.events(self._simulation.advance(0.0), self._stamps)
+        self._publisher.flush()
         if self._after_reset is not self._settings:
             self._settings = self._after_reset
             self._adopt_scene()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 
 import pytest
 import rclpy
 from geometry_msgs.msg import PoseArray
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -83,3 +85,46 @@ def test_refusals_of_one_kind_are_logged_once_a_period(
     log = capfd.readouterr().err
     assert log.count("shot refused: ") == 2
     assert log.count("placement refused: ") == 2
+
+
+class Recorder:
+    """A publisher with a subscriber, which keeps what goes out."""
+
+    def __init__(self, sent: list[str], name: str) -> None:
+        self._sent = sent
+        self._name = name
+
+    def get_subscription_count(self) -> int:
+        return 1
+
+    def publish(self, message: String | Bool) -> None:
+        self._sent.append(json.loads(message.data)["kind"] if self._name == "event" else f"at_rest {message.data}")
+
+
+@pytest.fixture
+def sent(table: TableNode, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Events and rest as they go out, no more than two events at a tick."""
+    sent: list[str] = []
+    monkeypatch.setattr(state_publisher, "EVENTS_A_TICK", 2)
+    monkeypatch.setattr(table._publisher, "_collisions_publisher", Recorder(sent, "event"))
+    monkeypatch.setattr(table._publisher, "_at_rest_publisher", Recorder(sent, "rest"))
+    return sent
+
+
+def test_many_events_are_spread_over_ticks_and_rest_comes_after_them(table: TableNode, sent: list[str]) -> None:
+    simulation = table.simulation.copy()
+    simulation.strike((1.0, 0.0, 0.0))
+    kinds = [event.kind for event in simulation.run()]
+    assert kinds == ["shot", "rolling", "rest"]
+    table._on_cue_shot(wrench_from_shot((1.0, 0.0, 0.0), (0.0, 0.0)))
+    table.advance(60.0)
+    assert sent == ["at_rest False", *kinds[:2]]
+    table.advance(0.01)
+    assert sent == ["at_rest False", *kinds, "at_rest True"]
+
+
+def test_a_reset_lets_no_event_wait(table: TableNode, sent: list[str]) -> None:
+    table._on_cue_shot(wrench_from_shot((1.0, 0.0, 0.0), (0.0, 0.0)))
+    table.advance(60.0)
+    table.reset()
+    assert sent == ["at_rest False", "shot", "rolling", "rest", "at_rest True"]
