@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from billiards_sim.engine.quantity import check_quantities, quantity
 
+LARGEST = 1e6
+"""In SI units, of every constant that has no bound by its nature: beyond, products of them overflow."""
+
 
 @dataclass(frozen=True)
 class Physics:
@@ -17,15 +20,21 @@ class Physics:
     All values are SI. A value out of bounds raises `ValueError`.
     """
 
-    mass: float = quantity(0.160, "kg", "mass of a ball", above=0.0)
-    radius: float = quantity(0.028575, "m", "radius of a ball", above=0.0)
-    gravity: float = quantity(9.81, "m/s^2", "gravitational acceleration", above=0.0)
-    sliding_friction: float = quantity(0.2, "1", "friction coefficient of a ball sliding on the cloth", minimum=0.0)
-    rolling_friction: float = quantity(0.01, "1", "resistance coefficient of a ball rolling on the cloth", minimum=0.0)
+    mass: float = quantity(0.160, "kg", "mass of a ball", above=0.0, maximum=LARGEST)
+    radius: float = quantity(0.028575, "m", "radius of a ball", above=0.0, maximum=LARGEST)
+    gravity: float = quantity(9.81, "m/s^2", "gravitational acceleration", above=0.0, maximum=LARGEST)
+    sliding_friction: float = quantity(
+        0.2, "1", "friction coefficient of a ball sliding on the cloth", minimum=0.0, maximum=LARGEST
+    )
+    rolling_friction: float = quantity(
+        0.01, "1", "resistance coefficient of a ball rolling on the cloth", minimum=0.0, maximum=LARGEST
+    )
     rail_restitution: float = quantity(
         0.7, "1", "share of the normal speed that a rail gives back", minimum=0.0, maximum=1.0
     )
-    cue_contact_time: float = quantity(0.01, "s", "time for which the cue tip pushes the ball", above=0.0)
+    cue_contact_time: float = quantity(
+        0.01, "s", "time for which the cue tip pushes the ball", above=0.0, maximum=LARGEST
+    )
 
     def __post_init__(self) -> None:
         check_quantities(self)

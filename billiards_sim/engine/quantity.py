@@ -55,7 +55,7 @@ def check_quantities(owner: Any) -> None:
         given = getattr(owner, name)
         try:
             value = float(given) if not isinstance(given, (bool, str, bytes)) else math.nan
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             value = math.nan
         if not declared.contains(value):
             raise ValueError(f"{group}.{name} must be a number {declared.bounds()} ({declared.unit}), got {given!r}")
@@ -86,7 +86,7 @@ def numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
     """
     try:
         values = tuple(float(value) for value in given)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = ()
     if len(values) != count:
         raise ValueError(f"{name} must be {count} numbers, got {given!r}")

@@ -135,6 +135,8 @@ def load_scene(path: str | Path) -> Scene:
     text = Path(path).read_text(encoding="utf-8")
     try:
         return _from_document(yaml.safe_load(text))
+    except RecursionError:
+        raise ValueError(f"{path}: too deeply nested for a scene") from None
     except yaml.YAMLError as error:
         raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     except ValueError as error:
@@ -238,7 +240,7 @@ def _rows(key: str, given: ArrayLike | None, names: tuple[str, ...], width: int)
     count = len(names)
     try:
         rows = np.zeros((count, width)) if given is None else np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{key} must be numbers of shape ({count}, {width}), got {given!r}") from None
     if rows.shape != (count, width):
         raise ValueError(f"{key} must have shape ({count}, {width}), got {rows.shape}")

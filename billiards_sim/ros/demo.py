@@ -17,7 +17,7 @@ from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
 from billiards_sim.ros.commentary import Commentary
-from billiards_sim.ros.process import STOPPED, Child, StartError, isolate, own_arguments, ros, wake_on_signals
+from billiards_sim.ros.process import Child, StartError, Stopped, isolate, own_arguments, ros, stoppable
 
 BREAK_FORCE = ("128", "0")
 """N. 8 m/s with the default physics: an ordinary break."""
@@ -89,8 +89,7 @@ def main(arguments: list[str]) -> int:
     isolate(os.environ)
     try:
         options = parser.parse_args(own_arguments("demo", arguments))
-        with ros("demo", arguments):
-            wake_on_signals()
+        with ros("demo", arguments), stoppable():
             _play(options.timeout)
     except StartError as error:
         print(f"demo: {error}", file=sys.stderr)
@@ -98,7 +97,7 @@ def main(arguments: list[str]) -> int:
     except DemoError as error:
         print(f"demo: {error}", file=sys.stderr)
         return FAILED
-    except STOPPED:
+    except Stopped:
         print("demo: stopped", file=sys.stderr)
         return FAILED
     return 0

@@ -32,8 +32,8 @@ class Stamps:
     """ROS stamps of simulated times, ns.
 
     Stamps follow simulated time from the node clock's reading at the start. With a real-time factor of 1 they are
-    wall-clock stamps; with another they run faster or slower. They never go back: after a reset simulated time 0 takes
-    the stamp at which the reset found the table.
+    wall-clock stamps while the machine keeps up; with another they run faster or slower. They never go back: after a
+    reset simulated time 0 takes the stamp at which the reset found the table.
     """
 
     def __init__(self, epoch: int) -> None:

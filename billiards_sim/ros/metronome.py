@@ -24,12 +24,16 @@ class Metronome:
     Args:
         beat: what to call.
         lock: held during each call, and free while the metronome sleeps. Whoever else holds it is between two beats.
+
+    Attributes:
+        lost: s of beats that were left out since the start.
     """
 
     def __init__(self, beat: Callable[[], object], lock: Any) -> None:
         self._beat = beat
         self._changed = threading.Condition(lock)
         self._period = self._due = math.inf  # s; of the steady clock
+        self.lost = 0.0
         self._stopped = False
         self._thread: threading.Thread | None = None
 
@@ -44,6 +48,7 @@ class Metronome:
         """Args:
         fail: told of an exception of the beat, on the metronome's thread, which then ends.
         """
+        self._due = time.monotonic() + self._period
         self._thread = threading.Thread(target=self._run, args=(fail,), name="metronome", daemon=True)
         self._thread.start()
 
@@ -68,5 +73,7 @@ class Metronome:
         now = time.monotonic()
         if self._stopped or now < self._due:
             return
-        self._due = max(self._due + self._period, now - LONGEST_DELAY)
+        left_out = max(now - LONGEST_DELAY - (self._due + self._period), 0.0)
+        self.lost += left_out
+        self._due += self._period + left_out
         self._beat()

@@ -27,7 +27,7 @@ from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import Parser, positive_seconds
-from billiards_sim.ros.process import Child, isolate, ros, wake_on_signals
+from billiards_sim.ros.process import Child, Stopped, isolate, ros, stoppable
 
 TOPICS = {
     "poses": ("balls/poses", PoseArray),
@@ -45,6 +45,9 @@ DEPTH = 1000
 
 START_TIMEOUT = 60.0
 """s for the table to compile, start and be discovered."""
+
+STOPPED = 1
+"""Exit code of a measurement that a signal ended."""
 
 SETTLING = 1.0
 """s after the start, or after the shot, that are not measured: processes still find or forget each other."""
@@ -155,8 +158,15 @@ def main(arguments: list[str]) -> int:
     isolate(os.environ)
     given = ("scene:=eight_ball", f"update_rate:={options.rate}", "physics.rolling_friction:=0.0")
     table_arguments = [part for parameter in given for part in ("-p", parameter)]
-    with ros("node_load", []), Child("table", "--ros-args", *table_arguments) as table:
-        wake_on_signals()
+    try:
+        _measure(options, table_arguments)
+    except Stopped:
+        return STOPPED
+    return 0
+
+
+def _measure(options: argparse.Namespace, table_arguments: Sequence[str]) -> None:
+    with ros("node_load", []), stoppable(), Child("table", "--ros-args", *table_arguments) as table:
         listener = Listener(options.topics)
         executor = EventsExecutor()  # the default one is late where 16 000 twists a second arrive
         executor.add_node(listener)
@@ -190,7 +200,6 @@ def main(arguments: list[str]) -> int:
             wait(lambda: shoot.exit_code is not None and listener.at_rest is False)
         settle()
         report("moving")
-    return 0
 
 
 if __name__ == "__main__":

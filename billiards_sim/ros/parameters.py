@@ -103,8 +103,8 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
             name, a scene that does not fit the table. The text is one line and names the parameter.
     """
     for name in given:
-        group, dot, _ = name.partition(".")
-        if dot and group in GROUPS and name not in dict(_group_quantities()):
+        group = name.partition(".")[0]
+        if group in GROUPS and name not in dict(_group_quantities()):
             known = ", ".join(quantities(GROUPS[group]))
             raise ValueError(f"no parameter {name!r}; under {group!r} there are {known}")
     own: dict[str, Any] = {
@@ -193,9 +193,9 @@ def find_scene(name: Any) -> Scene:
         raise ValueError(f"parameter 'scene' must be a string, got {name!r}")
     if name in BUILT_IN:
         return BUILT_IN[name]()
-    if not Path(name).is_file():
-        raise ValueError(f"parameter 'scene': {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
     try:
+        if not Path(name).is_file():
+            raise ValueError(f"{name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
         return load_scene(name)
     except (OSError, UnicodeError, ImportError) as error:
         raise ValueError(f"parameter 'scene': cannot read {name!r}: {error}") from None

@@ -48,6 +48,7 @@ def placed_positions(message: PoseArray, scene: Scene, tolerance: float) -> NDAr
     radius = scene.physics.radius
     low = np.array([scene.table.x_min, scene.table.y_min]) + radius
     high = np.array([scene.table.x_max, scene.table.y_max]) - radius
+    tolerance = max(tolerance, TOUCHING)  # what comes from the table's own poses may go back
     _check_rails(positions, low, high, scene, tolerance)
     _check_overlaps(positions, scene, tolerance)
     return separated(positions, low, high, 2.0 * radius)

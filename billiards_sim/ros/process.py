@@ -16,10 +16,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation  # its exce
 from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 from rclpy.utilities import remove_ros_args
 
-STOPPED = (KeyboardInterrupt, ExternalShutdownException)
-"""What a spinning executor raises on SIGINT and on SIGTERM."""
-
-
 GRACE = 5.0
 """s that a child has to end after its signal, before it is killed."""
 
@@ -31,6 +27,10 @@ FASTDDS_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 
 LAST_DOMAIN = 101
 """ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
+
+
+class Stopped(Exception):
+    """SIGINT or SIGTERM came."""
 
 
 class StartError(ValueError):
@@ -51,7 +51,7 @@ def own_arguments(program: str, arguments: list[str]) -> list[str]:
 def ros(program: str, arguments: list[str]) -> Iterator[None]:
     """ROS communication while the block runs.
 
-    Signals are left alone until `wake_on_signals`.
+    Signals are left alone until `stoppable`.
 
     Raises:
         StartError: ROS arguments or environment variables that rclpy refuses.
@@ -65,12 +65,28 @@ def ros(program: str, arguments: list[str]) -> Iterator[None]:
         rclpy.try_shutdown()
 
 
-def wake_on_signals() -> None:
-    """From here on SIGINT and SIGTERM wake a spinning executor, which raises one of `STOPPED`."""
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """SIGINT and SIGTERM end the block, also where an executor spins in it.
+
+    Raises:
+        Stopped: one of them came. Further ones are ignored.
+    """
     # rclpy's handlers call the ones that were there before: these must not end the process by themselves.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     install_signal_handlers(SignalHandlerOptions.ALL)
+    try:
+        yield
+    except (KeyboardInterrupt, ExternalShutdownException):
+        shut_out_signals()
+        raise Stopped from None
+    except Exception:
+        # SIGTERM shuts ROS down under whatever runs: then that fails in ways of its own.
+        if rclpy.ok():
+            raise
+        shut_out_signals()
+        raise Stopped from None
 
 
 def shut_out_signals() -> None:

@@ -21,7 +21,7 @@ from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros.aim import Aim, angle
 from billiards_sim.ros.commentary import Commentary
-from billiards_sim.ros.process import STOPPED, StartError, own_arguments, ros, wake_on_signals
+from billiards_sim.ros.process import StartError, Stopped, own_arguments, ros, stoppable
 from billiards_sim.ros.wrench import wrench_from_shot
 
 REFUSED = 1
@@ -172,8 +172,7 @@ def main(arguments: list[str]) -> int:
     try:
         options = parser.parse_args(own_arguments("shoot", arguments))
         aim = _aim(parser, options)
-        with ros("shoot", arguments):
-            wake_on_signals()
+        with ros("shoot", arguments), stoppable():
             return _play(options, aim)
     except StartError as error:
         print(f"shoot: {error}", file=sys.stderr)
@@ -181,7 +180,7 @@ def main(arguments: list[str]) -> int:
     except NoAnswer as error:
         print(f"shoot: {error}", file=sys.stderr)
         return REFUSED
-    except STOPPED:
+    except Stopped:
         return REFUSED
 
 

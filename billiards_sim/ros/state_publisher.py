@@ -83,13 +83,11 @@ class StatePublisher:
         self._twists_due = [True] * len(scene)
         self._markers_a_tick = min(settings.marker_rate / settings.update_rate, 1.0)
         self._balls = markers.BallMarkers(scene.names, radius, self._markers_a_tick * settings.update_rate)
-        self._frames = BallFrames(tf_message_type(), scene.names, radius) if settings.publish_tf else None
+        tf_type = tf_message_type() if settings.publish_tf else None
+        self._frames = BallFrames(tf_type, scene.names, radius) if settings.publish_tf else None
         # Only a table that is told to publishes on topics that all nodes share: one time for all has one source.
         self._clock_publisher = self._switched(self._clock_publisher, settings.publish_clock, Clock, "/clock", 1)
-        frame_type = tf_message_type() if settings.publish_tf else None
-        self._frames_publisher = self._switched(
-            self._frames_publisher, settings.publish_tf, frame_type, "/tf", TF_DEPTH
-        )
+        self._frames_publisher = self._switched(self._frames_publisher, settings.publish_tf, tf_type, "/tf", TF_DEPTH)
 
     def table(self, stamp: int) -> None:
         """The cloth and the rails, once for all; stamps are in ns here and below."""

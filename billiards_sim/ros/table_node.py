@@ -17,6 +17,7 @@ from functools import wraps
 from typing import Any, TypeVar, cast
 
 import numpy as np
+import rclpy
 from geometry_msgs.msg import PoseArray, WrenchStamped
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
@@ -37,20 +38,22 @@ from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.preview import Preview, predict, preview_json, refusal_json
 from billiards_sim.ros.process import (
-    STOPPED,
     StartError,
+    Stopped,
     announce_often,
     own_arguments,
     ros,
-    shut_out_signals,
-    wake_on_signals,
+    stoppable,
 )
 from billiards_sim.ros.state_publisher import EVENT_DEPTH, STATE_DEPTH, StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
 
 LOG_PERIOD = 1.0
-"""s between two lines of the log about the same kind of refusal; every refusal is answered on its topic."""
+"""s between two warnings of one kind in the log; every refusal is answered on its topic."""
+
+LONGEST_REASON = 500
+"""Characters of the reason of a refusal."""
 
 MOST_PREVIEWS = 100
 """That wait for their tick; more are refused."""
@@ -103,11 +106,12 @@ class TableNode(Node):
         self._after_reset = self._settings
         self._change: Change | None = None
         self._adopting = False
-        self.lock = threading.RLock()
+        self.lock = threading.RLock()  # a reset to a new scene sets parameters, whose callbacks take it again
         self.metronome = Metronome(self._on_tick, self.lock)
         self._paused = False
         self._previews: deque[WrenchStamped] = deque()
-        self._next_logs: dict[str, float] = {}  # s, of the steady clock, by what is refused
+        self._next_logs: dict[str, float] = {}  # s, of the steady clock, by what is told
+        self._lost_time = 0.0  # s of `metronome.lost` that the log has told of
 
         self._publisher = StatePublisher(self, len(self._scene))
         self._shot_result_publisher = self.create_publisher(String, "shot_result", EVENT_DEPTH)
@@ -144,7 +148,7 @@ class TableNode(Node):
         self.create_service(Trigger, "~/step", self._on_step)
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
         self.create_subscription(WrenchStamped, "cue_shot/preview", self._on_preview, EVENT_DEPTH)
-        self.create_subscription(PoseArray, "place_balls", self._on_place_balls, STATE_DEPTH)
+        self.create_subscription(PoseArray, "place_balls", self._on_place_balls, EVENT_DEPTH)
 
     def advance(self, duration: float) -> None:
         """Go on by `duration` s of simulated time and publish the state."""
@@ -175,6 +179,7 @@ class TableNode(Node):
     def _on_tick(self) -> None:
         self.advance(0.0 if self._paused else self._tick_time)
         self._publisher.draw(self._simulation, self._stamp())
+        self._log_lost_time()
         # One a tick and after its messages, so that previews delay no tick by more than one of them takes.
         if self._previews:
             self._preview(self._previews.popleft())
@@ -205,7 +210,7 @@ class TableNode(Node):
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
             self._log_refusal("shot", error)
-            self._answer(self._shot_result_publisher, False, str(error))
+            self._answer(self._shot_result_publisher, False, _reason(error))
             return
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
         self._answer(self._shot_result_publisher, True)
@@ -231,7 +236,7 @@ class TableNode(Node):
             preview = predict(self._simulation, shot)
         except (ValueError, StallError) as error:
             preview = None
-            text = self._preview_refusal(message, str(error))
+            text = self._preview_refusal(message, _reason(error))
         else:
             text = preview_json(preview, scene.names, scene.physics.radius, self._stamps, messages.stamp_of(message))
         self._preview_result_publisher.publish(String(data=text))
@@ -247,7 +252,7 @@ class TableNode(Node):
             self._simulation = self._resting(self._scene, positions, np.zeros((len(self._scene), 3)))
         except ValueError as error:
             self._log_refusal("placement", error)
-            self._answer(self._placement_result_publisher, False, str(error))
+            self._answer(self._placement_result_publisher, False, _reason(error))
             return
         self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
         self._publisher.jump()
@@ -306,7 +311,7 @@ class TableNode(Node):
             self._change = self._prepare(changes) if changes else None
         except ValueError as error:
             self._log_refusal("parameters", error)
-            return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=False, reason=_reason(error))
         return SetParametersResult(successful=True)
 
     def _prepare(self, changes: Mapping[str, Any]) -> Change:
@@ -318,7 +323,7 @@ class TableNode(Node):
         settings = parameters.change_settings(self._settings, now) if now else self._settings
         same = "scene" not in changes and self._after_reset is self._settings
         after_reset = settings if same else parameters.change_settings(self._after_reset, changes)
-        self._relaid(settings.scene)
+        self._relaid(settings.scene)  # only to see that it can be: time goes on until the change comes into force
         return Change(settings, after_reset)
 
     def _relaid(self, scene: Scene) -> Simulation:
@@ -358,11 +363,21 @@ class TableNode(Node):
                 self._settings = parameters.change_settings(self._settings, {"publish_tf": False})
 
     def _log_refusal(self, what: str, error: ValueError) -> None:
+        if self._may_log(what):
+            self.get_logger().warning(f"{what} refused: {_reason(error)}")
+
+    def _log_lost_time(self) -> None:
+        if self.metronome.lost > self._lost_time and self._may_log("lost time"):
+            lost, self._lost_time = self.metronome.lost - self._lost_time, self.metronome.lost
+            self.get_logger().warning(f"ticks came too late: the table's time falls {lost:.3g} s behind the clock")
+
+    def _may_log(self, what: str) -> bool:
         # rclpy's own throttling looks for its caller every time, which takes longer than all else in a refusal.
         now = time.monotonic()
-        if now >= self._next_logs.get(what, now):
-            self._next_logs[what] = now + LOG_PERIOD
-            self.get_logger().warning(f"{what} refused: {error}")
+        if now < self._next_logs.get(what, now):
+            return False
+        self._next_logs[what] = now + LOG_PERIOD
+        return True
 
     def _answer(self, publisher: Publisher, accepted: bool, reason: str = "") -> None:
         publisher.publish(String(data=messages.verdict_json(accepted, reason, self._simulation.time)))
@@ -384,35 +399,58 @@ def main(arguments: list[str]) -> int:
         parser.parse_args(own_arguments("table", arguments))
         announce_often(os.environ)
         with ros("table", arguments):
-            _serve(TableNode())
-    except (StartError, ValueError) as error:
-        print(f"table: {' '.join(str(error).split())}", file=sys.stderr)
+            _serve(_new_node())
+    except StartError as error:
+        print(f"table: {error}", file=sys.stderr)
         return USAGE_ERROR
+    except Stopped:
+        pass
     return 0
+
+
+def _new_node() -> TableNode:
+    try:
+        return TableNode()
+    except ValueError as error:
+        raise StartError(_reason(error)) from None
 
 
 def _serve(node: TableNode) -> None:
     _warm_up(node)
-    wake_on_signals()
     executor = SingleThreadedExecutor()
     try:
-        node.start()
-        settings = node.settings
-        node.get_logger().info(
-            f"ready: scene {settings.scene_name}, {len(settings.scene)} balls, {settings.update_rate:g} Hz, "
-            f"real-time factor {settings.real_time_factor:g}, markers {settings.marker_rate:g} Hz"
-        )
-        # What lives until the end need not be searched for garbage in the middle of a tick.
-        gc.collect()
-        gc.freeze()
-        executor.add_node(node)
-        node.metronome.start(fail=lambda error: executor.create_task(_raise, error))
-        executor.spin()
-    except STOPPED:
-        shut_out_signals()
+        with stoppable():
+            node.start()
+            settings = node.settings
+            node.get_logger().info(
+                f"ready: scene {settings.scene_name}, {len(settings.scene)} balls, {settings.update_rate:g} Hz, "
+                f"real-time factor {settings.real_time_factor:g}, markers {settings.marker_rate:g} Hz"
+            )
+            # What lives until the end need not be searched for garbage in the middle of a tick.
+            gc.collect()
+            gc.freeze()
+            executor.add_node(node)
+            node.metronome.start(fail=lambda error: executor.create_task(_raise, error))
+            _spin(node, executor)
     finally:
         node.metronome.stop()
         executor.shutdown()
+
+
+def _spin(node: TableNode, executor: SingleThreadedExecutor) -> None:
+    while True:
+        try:
+            executor.spin()
+            return
+        except ValueError as error:
+            # rclpy's own, of a service request with figures that mean nothing: it is left without an answer.
+            if not rclpy.ok():
+                raise
+            node.get_logger().error(f"a request cannot be served: {error}")
+
+
+def _raise(error: Exception) -> None:
+    raise RuntimeError("a tick failed") from error
 
 
 def _warm_up(node: TableNode) -> None:
@@ -425,8 +463,10 @@ def _warm_up(node: TableNode) -> None:
     node.get_logger().info(f"engine ready after {time.monotonic() - began:.2f} s")
 
 
-def _raise(error: Exception) -> None:
-    raise error
+def _reason(error: Exception) -> str:
+    """One line, which does not repeat all of a long input."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
 
 
 def _describe(shot: Shot) -> str:

@@ -5,8 +5,11 @@ from pathlib import Path
 
 import pytest
 from conftest import Site
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 
 from billiards_sim.ros.process import FASTDDS_PROFILES, FASTDDS_VARIABLES, announce_often
+from billiards_sim.ros.wrench import wrench_from_shot
 
 ROS_EXECUTABLES = ("table", "shoot", "demo")
 EXECUTABLES = (*ROS_EXECUTABLES, "simulate")
@@ -97,6 +100,32 @@ def test_signals_end_the_table_with_code_0(site: Site, number: int, when: str) -
     table.signal(number)  # nor does an impatient second one disturb it
     assert table.wait() == 0
     assert "Traceback" not in table.stderr
+
+
+@pytest.mark.parametrize("attempt", range(4))
+def test_sigterm_ends_a_busy_table_with_code_0(site: Site, attempt: int) -> None:
+    table = site.table("update_rate:=1000")
+    client = site.client()
+    shot = wrench_from_shot((80.0, 1.0, 0.0), (0.0, 0.0))
+    for _ in range(100):
+        client.asker.publish(shot)
+        client.cue.publish(shot)
+    client.spin_until(lambda: client.previews)
+    table.signal(signal.SIGTERM)
+    assert table.wait() == 0
+    assert "Traceback" not in table.stderr
+
+
+def test_a_request_that_rclpy_chokes_on_does_not_end_the_table(site: Site) -> None:
+    table = site.table()
+    client = site.client()
+    setter = client.node.create_client(SetParameters, "table/set_parameters")
+    client.spin_until(setter.service_is_ready)
+    nonsense = SetParameters.Request(parameters=[Parameter(name="update_rate", value=ParameterValue(type=77))])
+    setter.call_async(nonsense)
+    table.wait_for("a request cannot be served: ")
+    assert client.get_parameters("update_rate") == [100.0]
+    assert client.shoot(wrench_from_shot((80.0, 1.0, 0.0), (0.0, 0.0)))["accepted"]
 
 
 def test_the_middleware_understands_its_settings(site: Site) -> None:

@@ -116,12 +116,14 @@ def test_a_short_delay_is_made_up_for_and_a_long_one_is_not(monkeypatch: pytest.
     monkeypatch.setattr(metronome.threading.Condition, "wait", wait)
     one = Metronome(beat, threading.RLock())
     one.set_rate(1.0 / period)
+    assert one.lost == 0.0
     while len(beats) < 30:
         one._wait_or_beat()
     on_time = [number * period for number in range(1, 31)]
     assert beats[:3] == pytest.approx(on_time[:3])
     assert beats[5:10] == pytest.approx(on_time[5:10])  # after a burst
     late = beats[10] - metronome.LONGEST_DELAY
+    assert one.lost == pytest.approx(late - on_time[11])
     assert late > 1.0
     assert beats[20:] == pytest.approx([late + number * period for number in range(9, 19)])
 

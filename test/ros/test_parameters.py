@@ -122,7 +122,11 @@ def test_help_names_every_parameter_with_default_and_unit() -> None:
     names = [f"{group}.{field}" for group, owner in parameters.GROUPS.items() for field in quantities(owner)]
     for name in ("scene", *parameters.NUMBERS, *parameters.SWITCHES, *names):
         assert f"\n  {name} (" in f"\n{text}"
-    for part in ("update_rate (100 Hz, ", "physics.mass (0.16 kg, > 0): ", "physics.rolling_friction (0.01, >= 0): "):
+    for part in (
+        "update_rate (100 Hz, ",
+        "physics.mass (0.16 kg, > 0, <= 1e+06): ",
+        "physics.rolling_friction (0.01, >= 0, <= 1e+06): ",
+    ):
         assert part in text
 
 
@@ -187,8 +191,8 @@ def test_an_integer_becomes_a_double(table: TableNode) -> None:
 
 REFUSED_CHANGES = [
     ({"physics__mass": -1.0}, "physics.mass out of range"),
-    ({"physics__mass": 0}, "'physics.mass' must be a number > 0 (kg), got 0.0"),
-    ({"physics__mass": float("inf")}, "'physics.mass' must be a number > 0 (kg), got inf"),
+    ({"physics__mass": 0}, "'physics.mass' must be a number > 0, <= 1e+06 (kg), got 0.0"),
+    ({"physics__mass": float("inf")}, "'physics.mass' must be a number > 0, <= 1e+06 (kg), got inf"),
     ({"physics__mass": "heavy"}, "Wrong parameter type"),
     ({"physics__rail_restitution": 2}, "physics.rail_restitution out of range"),
     ({"update_rate": 5000}, "update_rate out of range"),
@@ -281,3 +285,38 @@ def test_a_scene_that_does_not_fit_the_given_table_is_refused(
     node.start()
     assert "does not fit these physics and table parameters" in change(node, scene=scene_file(tmp_path))
     assert node.get_parameter("scene").value == "eight_ball"
+
+
+@pytest.mark.parametrize("group", ["physics", "table"])
+def test_a_group_is_no_parameter(group: str) -> None:
+    with pytest.raises(ValueError, match=f"no parameter '{group}'; under '{group}' there are "):
+        parameters.read_settings({group: 3})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 5000,
+        "balls: [{name: cue, position: [1" + "0" * 400 + ", 0.6]}]",
+        "physics: {mass: 1" + "0" * 400 + "}\nballs: [{name: cue, position: [0.6, 0.6]}]",
+        "no scene at all, but a long text " * 1000,
+    ],
+    ids=["nested", "huge position", "huge mass", "text"],
+)
+def test_no_scene_file_ends_the_node(table: TableNode, tmp_path: Path, text: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    reason = change(table, scene=str(path))
+    assert "parameter 'scene': " in reason
+    assert "\n" not in reason
+    assert len(reason) <= 500
+
+
+def test_a_path_that_no_system_takes_is_refused(table: TableNode) -> None:
+    assert "parameter 'scene': cannot read" in change(table, scene="x" * 300)
+
+
+def test_physics_beyond_all_bounds_is_refused(table: TableNode) -> None:
+    for name in ("mass", "gravity", "sliding_friction", "rolling_friction", "cue_contact_time"):
+        assert change(table, **{f"physics__{name}": 1e308})
+        assert np.isfinite(table.describe_parameter(f"physics.{name}").floating_point_range[0].to_value)

@@ -132,3 +132,9 @@ def test_what_a_camera_saw_becomes_the_table(site: Site) -> None:
 
     assert client.reset().success
     client.spin_until(lambda: positions(client.poses[-1])[0] == tuple(scene.positions[0].tolist()))
+
+
+def test_what_was_separated_may_be_placed_again_without_tolerance() -> None:
+    touching = [[0.5, 0.5], [0.5 + 2.0 * RADIUS - 0.5 * TOUCHING, 0.5]]
+    scene = bs.Scene(APART)
+    assert np.abs(placed_positions(poses(touching), scene, 0.0) - touching).max() == 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import pytest
 import rclpy
@@ -68,9 +69,10 @@ def test_an_error_in_a_tick_ends_the_node(make_node: Callable[..., TableNode], m
         raise ZeroDivisionError("in a tick")
 
     monkeypatch.setattr(node, "advance", advance)
-    monkeypatch.setattr(table_node, "wake_on_signals", lambda: None)
-    with pytest.raises(ZeroDivisionError, match="in a tick"):
+    monkeypatch.setattr(table_node, "stoppable", nullcontext)
+    with pytest.raises(RuntimeError, match="a tick failed") as caught:
         table_node._serve(node)
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
 
 
 def test_refusals_of_one_kind_are_logged_once_a_period(
@@ -128,3 +130,12 @@ def test_a_reset_lets_no_event_wait(table: TableNode, sent: list[str]) -> None:
     table.advance(60.0)
     table.reset()
     assert sent == ["at_rest False", "shot", "rolling", "rest", "at_rest True"]
+
+
+def test_time_that_is_lost_is_told(table: TableNode, capfd: pytest.CaptureFixture[str]) -> None:
+    table._on_tick()
+    assert "behind the clock" not in capfd.readouterr().err
+    table.metronome.lost = 0.75
+    table._on_tick()
+    table._on_tick()
+    assert capfd.readouterr().err.count("the table's time falls 0.75 s behind the clock") == 1
