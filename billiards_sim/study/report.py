@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,6 @@ WIDTH = 118
 CROWD_TARGET = 3.0
 """How many times more an event may cost with the most balls than with the fewest."""
 
-NODE_TOPICS = "16 balls; poses, twists and markers subscribed by another process of the same machine."
 NODE_NOTE = """16 balls; the topics subscribed by another process of the same machine, the listener, whose own share of
 a core is in the last column: where it is near 100% it is the listener that is late. Jitter: what 99% of the spacings
 differ from the ideal one by, at most."""
@@ -273,18 +272,6 @@ def node_table(study: dict[str, Any]) -> str:
     if study.get("absent"):
         return "ROS 2 (rclpy) is not installed: not measured."
     runs = study.get("runs", [])
-    if not any("topics" in run for run in runs):  # kept by a version that had one choice of topics
-        return "\n\n".join([_node_lines(runs, {}), *study.get("failures", []), NODE_TOPICS])
-    more = {
-        "subscribed": lambda run: run["topics"],
-        "jitter, 99 %, ms": lambda run: _milliseconds(run["jitter_p99"]),
-        "longest, ms": lambda run: _milliseconds(run["spacing_longest"]),
-        "listener's share": lambda run: f"{run['listener_load']:.0%}",
-    }
-    return "\n\n".join([_node_lines(runs, more), *study.get("failures", []), NODE_NOTE])
-
-
-def _node_lines(runs: Sequence[dict[str, Any]], more: Mapping[str, Callable[[dict[str, Any]], str]]) -> str:
     columns: dict[str, Callable[[dict[str, Any]], str]] = {
         "Hz asked for": lambda run: f"{run['rate']}",
         "balls": lambda run: run["balls"],
@@ -292,9 +279,13 @@ def _node_lines(runs: Sequence[dict[str, Any]], more: Mapping[str, Callable[[dic
         "share of a core": lambda run: f"{run['load']:.0%}",
         "spacing of ticks, 1 %, ms": lambda run: _milliseconds(run["spacing_p1"]),
         "99 %, ms": lambda run: _milliseconds(run["spacing_p99"]),
-        **more,
+        "subscribed": lambda run: run["topics"],
+        "jitter, 99 %, ms": lambda run: _milliseconds(run["jitter_p99"]),
+        "longest, ms": lambda run: _milliseconds(run["spacing_longest"]),
+        "listener's share": lambda run: f"{run['listener_load']:.0%}",
     }
-    return table(tuple(columns), [tuple(column(run) for column in columns.values()) for run in runs])
+    lines = [tuple(column(run) for column in columns.values()) for run in runs]
+    return "\n\n".join([table(tuple(columns), lines), *study.get("failures", []), NODE_NOTE])
 
 
 def _milliseconds(seconds: float | None) -> str:
