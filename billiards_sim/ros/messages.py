@@ -43,9 +43,9 @@ class Stamps:
         """Stamp of a simulated time (s), ns."""
         return self._epoch + round(time * NANOSECONDS)
 
-    def restart(self, time: float) -> None:
-        """Simulated time goes back to 0 at this simulated time (s)."""
-        self._epoch = self.at(time)
+    def restarted(self, time: float) -> Stamps:
+        """Those that follow where simulated time goes back to 0 at this simulated time (s)."""
+        return Stamps(self.at(time))
 
 
 def set_stamp(message: Time, stamp: int) -> None:

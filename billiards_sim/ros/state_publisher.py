@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ class StatePublisher:
         self._clock_publisher: Publisher | None = None
         self._frames_publisher: Publisher | None = None
         self._clock = Clock()
-        self._waiting: deque[tuple[Event, int]] = deque()  # with its stamp, ns
+        self._waiting: deque[Iterator[tuple[Event, int]]] = deque()  # with their stamps, ns
         self._at_rest: bool | None = None
         self._twist_subscribers = 0
         self._markers_due = 0.0
@@ -110,11 +111,11 @@ class StatePublisher:
         if _heard(self._markers_publisher):
             self._balls.flash(markers.contact_points(events))
         if _heard(self._collisions_publisher):
-            self._waiting.extend((event, stamps.at(event.time)) for event in events)
+            self._waiting.append((event, stamps.at(event.time)) for event in events)
 
     def flush(self) -> None:
         """Let no event wait."""
-        self._publish_events(len(self._waiting))
+        self._publish_events(math.inf)
 
     def state(self, simulation: Simulation, stamp: int) -> None:
         """Where the balls are and how they move."""
@@ -151,11 +152,16 @@ class StatePublisher:
             self._at_rest = at_rest
             self._at_rest_publisher.publish(Bool(data=at_rest))
 
-    def _publish_events(self, most: int) -> None:
+    def _publish_events(self, most: float) -> None:
         radius = self._scene.physics.radius
-        for _ in range(min(most, len(self._waiting))):
-            event, stamp = self._waiting.popleft()
-            self._collisions_publisher.publish(String(data=messages.collision_json(event, stamp, radius)))
+        count = 0
+        while self._waiting and count < most:
+            found = next(self._waiting[0], None)
+            if found is None:
+                self._waiting.popleft()
+                continue
+            self._collisions_publisher.publish(String(data=messages.collision_json(*found, radius)))
+            count += 1
 
     def _publish_twists(self, simulation: Simulation, stamp: int) -> None:
         # A ball that rests is published once, and once more when somebody new listens.

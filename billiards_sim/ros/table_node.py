@@ -276,7 +276,7 @@ class TableNode(Node):
         return response
 
     def _restart(self) -> None:
-        self._stamps.restart(self._simulation.time)
+        self._stamps = self._stamps.restarted(self._simulation.time)
         self._simulation = Simulation(self._scene)
         self._publisher.jump()
 

@@ -21,9 +21,10 @@ def test_stamps_follow_simulated_time_to_the_nanosecond() -> None:
 def test_stamps_do_not_go_back_over_a_reset() -> None:
     stamps = messages.Stamps(EPOCH)
     before = stamps.at(5.25)
-    stamps.restart(5.25)
-    assert stamps.at(0.0) == before
-    assert stamps.at(0.01) == before + 10_000_000
+    after = stamps.restarted(5.25)
+    assert after.at(0.0) == before
+    assert after.at(0.01) == before + 10_000_000
+    assert stamps.at(5.25) == before
 
 
 def test_a_stamp_is_split_into_seconds_and_nanoseconds() -> None:
