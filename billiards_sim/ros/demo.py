@@ -12,12 +12,12 @@ from collections.abc import Callable
 from geometry_msgs.msg import PoseArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
 from billiards_sim.ros.commentary import Commentary
 from billiards_sim.ros.process import Child, StartError, Stopped, isolate, own_arguments, ros, stoppable
+from billiards_sim.ros.state_publisher import LATCHED
 
 BREAK_FORCE = ("128", "0")
 """N. 8 m/s with the default physics: an ordinary break."""
@@ -39,10 +39,9 @@ class Spectator(Node):
         self.commentary = Commentary()
         self.largest_overlap = 0.0
         self.at_rest: bool | None = None
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(String, "collisions", self._on_collision, 1000)
         self.create_subscription(PoseArray, "balls/poses", self._on_poses, 100)
-        self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
+        self.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
 
     @property
     def ready(self) -> bool:

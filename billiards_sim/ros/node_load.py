@@ -22,12 +22,12 @@ import numpy as np
 from geometry_msgs.msg import PoseArray, VelocityStamped
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import Parser, positive_seconds
 from billiards_sim.ros.process import Child, Stopped, isolate, ros, stoppable
+from billiards_sim.ros.state_publisher import LATCHED
 
 TOPICS = {
     "poses": ("balls/poses", PoseArray),
@@ -69,8 +69,7 @@ class Listener(Node):
             topic, kind = TOPICS[name]
             callback = self._on_poses if name == "poses" else partial(self._count, name)
             self.create_subscription(kind, topic, callback, DEPTH, raw=True)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
+        self.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
 
     def _on_poses(self, _: bytes) -> None:
         self.arrivals.append(time.monotonic())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,11 @@ from billiards_sim.engine.table import Table
 
 GROUPS = {"physics": Physics, "table": Table}
 """Groups of parameters, each the fields of one class."""
+
+GROUP_QUANTITIES = {
+    f"{group}.{field}": declared for group, owner in GROUPS.items() for field, declared in quantities(owner).items()
+}
+"""Quantity of each parameter of a group."""
 
 DEFAULT_SCENE = "eight_ball"
 
@@ -85,7 +90,7 @@ class Settings:
         """The value of every parameter, by name."""
         values: dict[str, Any] = {"scene": self.scene_name}
         values |= {name: getattr(self, name) for name in (*NUMBERS, *SWITCHES)}
-        for name, _ in _group_quantities():
+        for name in GROUP_QUANTITIES:
             group, _, field = name.partition(".")
             values[name] = getattr(getattr(self.scene, group), field)
         return values
@@ -104,7 +109,7 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
     """
     for name in given:
         group = name.partition(".")[0]
-        if group in GROUPS and name not in dict(_group_quantities()):
+        if group in GROUPS and name not in GROUP_QUANTITIES:
             known = ", ".join(quantities(GROUPS[group]))
             raise ValueError(f"no parameter {name!r}; under {group!r} there are {known}")
     own: dict[str, Any] = {
@@ -147,7 +152,7 @@ def check_changeable(settings: Settings, changes: Mapping[str, Any]) -> None:
     present = settings.values()
     for name, value in changes.items():
         if is_geometry(name):
-            declared = dict(_group_quantities())[name]
+            declared = GROUP_QUANTITIES[name]
             raise ValueError(
                 f"parameter {name!r} is fixed while the node runs, at {present[name]:.9g}{_unit(declared)}; "
                 f"got {value!r}: give it at the start, or reset to a scene file that brings it"
@@ -161,7 +166,7 @@ def is_geometry(name: str) -> bool:
 
 def as_declared(given: Iterable[Parameter]) -> list[Parameter]:
     """The parameters with integers made doubles where a double is declared: users write `update_rate: 50`."""
-    doubles = {*NUMBERS, *dict(_group_quantities())}
+    doubles = {*NUMBERS, *GROUP_QUANTITIES}
     return [
         Parameter(one.name, value=float(one.value))
         if one.name in doubles and one.type_ == Parameter.Type.INTEGER
@@ -260,7 +265,7 @@ def declare(node: Node, settings: Settings) -> None:
     for name, (_, text) in SWITCHES.items():
         descriptor = ParameterDescriptor(description=text, additional_constraints=AT_REST)
         node.declare_parameter(name, values[name], descriptor, ignore_override=True)
-    for name, declared in _group_quantities():
+    for name, declared in GROUP_QUANTITIES.items():
         _declare_number(node, name, values[name], declared)
 
 
@@ -277,7 +282,7 @@ def help_lines() -> str:
         lines.append(f"  {name} ({default:g}{_unit(declared)}, {declared.bounds()}): {declared.help}")
     for name, (on, text) in SWITCHES.items():
         lines.append(f"  {name} ({str(on).lower()}): {text}")
-    for name, declared in _group_quantities():
+    for name, declared in GROUP_QUANTITIES.items():
         group, _, field = name.partition(".")
         default = getattr(GROUPS[group](), field)
         lines.append(f"  {name} ({default:g}{_unit(declared)}, {declared.bounds()}): {declared.help}")
@@ -285,13 +290,7 @@ def help_lines() -> str:
 
 
 def _names() -> set[str]:
-    return {"scene", *NUMBERS, *SWITCHES, *dict(_group_quantities())}
-
-
-def _group_quantities() -> Iterator[tuple[str, Quantity]]:
-    for group, owner in GROUPS.items():
-        for field, declared in quantities(owner).items():
-            yield f"{group}.{field}", declared
+    return {"scene", *NUMBERS, *SWITCHES, *GROUP_QUANTITIES}
 
 
 def _unit(declared: Quantity) -> str:

@@ -111,6 +111,22 @@ def announce_often(environment: MutableMapping[str, str]) -> None:
         environment[FASTDDS_VARIABLES[0]] = str(FASTDDS_PROFILES)
 
 
+def end_group(process: subprocess.Popen[bytes], grace: float = GRACE) -> None:
+    """End a process, which leads a group of its own, and all of that group, unless it has ended itself.
+
+    Args:
+        grace: s from SIGINT to SIGKILL.
+    """
+    if process.poll() is not None:
+        return
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        process.wait(grace)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
 class Child:
     """A process of this package in its own process group, ended with the block; the parent is then expected to end."""
 
@@ -124,12 +140,7 @@ class Child:
         if self.exit_code is not None:
             return
         shut_out_signals()
-        os.killpg(self._process.pid, signal.SIGINT)
-        try:
-            self._process.wait(GRACE)
-        except subprocess.TimeoutExpired:
-            os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
+        end_group(self._process)
 
     @property
     def pid(self) -> int:

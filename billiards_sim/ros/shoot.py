@@ -17,7 +17,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 
-from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.command_line import USAGE_ERROR, Parser, add_cue_options, positive_seconds
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros.aim import Aim, angle
 from billiards_sim.ros.commentary import Commentary
@@ -196,19 +196,10 @@ def _parser() -> Parser:
     )
     people.add_argument("--up", type=float, metavar="U", help="above the centre, in radii (0); negative is draw")
     robots = parser.add_argument_group("in the table's units")
-    robots.add_argument(
-        "--force",
-        nargs=2,
-        type=float,
-        metavar=("FX", "FY"),
-        help="force of the cue, N, in the frame of the table; 80 0 gives 5 m/s along x with the default physics",
-    )
-    robots.add_argument(
-        "--offset",
-        nargs=2,
-        type=float,
-        metavar=("SIDE", "UP"),
-        help="where the tip hits, m from the centre of the ball seen along the force: to the left and up (0 0)",
+    add_cue_options(
+        robots,
+        force="force of the cue, N, in the frame of the table; 80 0 gives 5 m/s along x with the default physics",
+        offset="where the tip hits, m from the centre of the ball seen along the force: to the left and up (0 0)",
     )
     parser.add_argument("--ball", default=CUE_BALL, metavar="NAME", help=f"only {CUE_BALL}: the table shoots no other")
     parser.add_argument("--preview", action="store_true", help="only ask what the shot would do")

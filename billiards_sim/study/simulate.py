@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.command_line import USAGE_ERROR, Parser, add_cue_options, positive_seconds
 from billiards_sim.engine.scene import Scene, Shot, load_scene
 from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.simulation import StallError
@@ -66,19 +66,10 @@ def main(arguments: list[str]) -> int:
 def _parser() -> Parser:
     parser = Parser(prog="simulate", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", metavar="SCENE", help=f"a scene file, or one of {', '.join(BUILT_IN)}")
-    parser.add_argument(
-        "--force",
-        nargs=2,
-        type=float,
-        metavar=("FX", "FY"),
-        help="hit the ball cue with this force, N, instead of the scene's shot",
-    )
-    parser.add_argument(
-        "--offset",
-        nargs=2,
-        type=float,
-        metavar=("SIDE", "UP"),
-        help="with --force: where the tip hits, m from the centre of the ball seen along the force (0 0)",
+    add_cue_options(
+        parser,
+        force="hit the ball cue with this force, N, instead of the scene's shot",
+        offset="with --force: where the tip hits, m from the centre of the ball seen along the force (0 0)",
     )
     parser.add_argument(
         "--solver",

@@ -42,7 +42,7 @@ from visualization_msgs.msg import MarkerArray
 
 import billiards_sim as bs
 from billiards_sim.ros.node_load import evenness, processor_time
-from billiards_sim.ros.process import isolate
+from billiards_sim.ros.process import end_group, isolate
 from billiards_sim.ros.wrench import wrench_from_shot
 
 UPDATE_RATE = 100.0  # Hz, the default
@@ -63,9 +63,6 @@ START_TIMEOUT = 60.0
 
 SHOT_TIMEOUT = 10.0
 """s for a shot to be answered and to come to rest: the longest takes 1 s at the real-time factor."""
-
-GRACE = 5.0
-"""s that a table has to end after its signal."""
 
 QUIET = 2.0
 """s without an answer, after which none is on its way."""
@@ -116,12 +113,7 @@ class Table:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._process.poll() is None:
-            os.killpg(self.pid, signal.SIGINT)
-            try:
-                self._process.wait(GRACE)
-            except subprocess.TimeoutExpired:
-                self.kill()
+        end_group(self._process)
 
     def start(self) -> None:
         self._log = tempfile.TemporaryFile()  # noqa: SIM115  a pipe that nobody reads would stop the table

@@ -3,7 +3,6 @@
 import json
 import os
 import selectors
-import signal
 import subprocess
 import sys
 import time
@@ -22,6 +21,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
+
+from billiards_sim.ros.process import end_group
 
 START_TIMEOUT = 120.0
 """s. The first start compiles the engine, 10 s on an idle machine."""
@@ -85,13 +86,7 @@ class Process:
         self._process.send_signal(number)
 
     def close(self) -> None:
-        if self._process.poll() is None:
-            os.killpg(self._process.pid, signal.SIGINT)
-            try:
-                self._process.wait(GRACE)
-            except subprocess.TimeoutExpired:
-                os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        end_group(self._process, GRACE)
         self._selector.close()
         self._process.stdout.close()
         self._process.stderr.close()
