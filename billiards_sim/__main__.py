@@ -23,8 +23,10 @@ class Executable:
 
 EXECUTABLES = {
     "table": Executable("billiards_sim.ros.table_node", "the ROS 2 node: a table to shoot on", needs_ros=True),
-    "shoot": Executable("billiards_sim.ros.shoot", "send the table one cue shot and print its verdict", needs_ros=True),
-    "demo": Executable("billiards_sim.ros.demo", "break an eight-ball rack over ROS 2 and print it", needs_ros=True),
+    "shoot": Executable(
+        "billiards_sim.ros.tools.shoot", "send the table a cue shot, print its verdict", needs_ros=True
+    ),
+    "demo": Executable("billiards_sim.ros.tools.demo", "break a rack over ROS 2 and print it", needs_ros=True),
     "simulate": Executable("billiards_sim.study.simulate", "run a scene without ROS: numbers, pictures, movies"),
     "benchmark": Executable("billiards_sim.study.benchmark", "measure speed against error"),
 }

@@ -1,1 +1,1 @@
-"""The ROS 2 node and its clients: the only place that imports rclpy."""
+"""The ROS 2 node, and in `tools` its clients: the only place that imports rclpy."""

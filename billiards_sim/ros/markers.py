@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 
+import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA, Header
@@ -14,6 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from billiards_sim.colours import CLOTH, STRIPE, WHITE, WOOD, ball_colour, is_striped
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.table import Table
+from billiards_sim.quaternion import IDENTITY, product
 from billiards_sim.ros.messages import NANOSECONDS, set_stamp
 from billiards_sim.ros.preview import Preview
 from billiards_sim.ros.wrench import FRAME
@@ -39,8 +41,8 @@ RAIL_HEIGHT = 1.25
 LINE_WHITE = 0.35
 """Share of white in the lines of a ball, to be seen on the cloth: some balls are green, too."""
 
-LEVEL = (0.0, 0.0, 0.0, 1.0)
-"""Orientation of a ball that has not turned: x y z w."""
+STRIPE_TURN = np.array([[math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]])
+"""A quarter turn about x: the axis of a cylinder is z, that of a stripe the ball's y."""
 
 STRIPE_GIRTH = 1.03
 """Diameter of a stripe in those of the ball: enough to be seen around it."""
@@ -105,7 +107,6 @@ class BallMarkers:
                 stripe.pose.position = ball.pose.position  # the same object
                 stripe.scale.x = stripe.scale.y = 2.0 * STRIPE_GIRTH * self._radius
                 stripe.scale.z = 2.0 * STRIPE * self._radius
-                _turn_stripe(stripe, LEVEL)
                 self._stripes.append((index, stripe))
             line = self._marker("trails", index, Marker.LINE_STRIP, _line_colour(name))
             line.scale.x = TRAIL_WIDTH * self._radius
@@ -115,7 +116,8 @@ class BallMarkers:
         self._flash.scale.x = self._flash.scale.y = self._flash.scale.z = FLASH_SIZE * self._radius
         self._flash.lifetime = _duration(FLASH_LIFETIME)
         self._contacts: deque[Point] = deque(maxlen=MOST_FLASHES)
-        self._turned = False
+        self._turned = True
+        self._turn(None)
         self._stamp: int | None = None
 
     def update(
@@ -163,12 +165,13 @@ class BallMarkers:
         turned = orientations is not None
         if not (turned or self._turned):
             return
-        turns = orientations or [LEVEL] * len(self._balls)
-        for ball, (x, y, z, w) in zip(self._balls, turns):
-            turn = ball.pose.orientation
-            turn.x, turn.y, turn.z, turn.w = x, y, z, w
-        for index, stripe in self._stripes:
-            _turn_stripe(stripe, turns[index])
+        turns = orientations or [IDENTITY] * len(self._balls)
+        for ball, turn in zip(self._balls, turns):
+            _set_orientation(ball, turn)
+        if self._stripes:
+            striped = np.array([turns[index] for index, _ in self._stripes])
+            for (_, stripe), turn in zip(self._stripes, product(striped, STRIPE_TURN).tolist()):
+                _set_orientation(stripe, turn)
         self._turned = turned
 
     def _marker(self, namespace: str, index: int, shape: int, colour: tuple[float, float, float]) -> Marker:
@@ -304,11 +307,9 @@ def _line_colour(name: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _turn_stripe(stripe: Marker, orientation: Sequence[float]) -> None:
-    # The axis of a cylinder is z, that of a stripe the ball's y: a quarter turn about x goes before the ball's own.
-    x, y, z, w = orientation
-    turn = stripe.pose.orientation
-    turn.x, turn.y, turn.z, turn.w = (math.sqrt(0.5) * part for part in (w + x, y + z, z - y, w - x))
+def _set_orientation(marker: Marker, orientation: Sequence[float]) -> None:
+    turn = marker.pose.orientation
+    turn.x, turn.y, turn.z, turn.w = orientation
 
 
 def _duration(seconds: float) -> Duration:

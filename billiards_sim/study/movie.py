@@ -19,6 +19,7 @@ from tqdm import tqdm
 from billiards_sim.colours import CLOTH, DISC, STRIPE, WHITE, WOOD, ball_colour, is_striped
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.table import Table
+from billiards_sim.quaternion import rotation_matrices
 from billiards_sim.study.recording import Pose, Recording, ticks
 
 FRAME_RATE = 30
@@ -72,7 +73,7 @@ class Painter:
         centres[:, 1] = self.height - centres[:, 1]
         for centre in centres:
             self._draw_shadow(canvas, centre)
-        for centre, look, rotation in zip(centres, self._looks, rotations(pose.orientations), strict=True):
+        for centre, look, rotation in zip(centres, self._looks, rotation_matrices(pose.orientations), strict=True):
             self._draw_ball(canvas, centre, look, rotation)
         picture = (255.0 * canvas + 0.5).astype(np.uint8)
         return self._with_clock(picture, pose.time)
@@ -166,17 +167,6 @@ def write_movie(recording: Recording, path: Path, longest: int | None = None) ->
     else:
         _write_mp4(path, frames, painter.width, painter.height)
     return len(times)
-
-
-def rotations(orientations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3, 3) matrices that take directions in a ball to the frame `table`, of unit quaternions (N, 4), x y z w."""
-    x, y, z, w = orientations.T
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
-        (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
-        (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def number_picture(name: str) -> Pixels:

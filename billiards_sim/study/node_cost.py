@@ -20,7 +20,7 @@ LAST_DOMAIN = 101
 
 
 def load(rate: int, topics: str) -> list[dict[str, Any]]:
-    """What `python3 -m billiards_sim.ros.node_load` says of a case: one record at rest, one moving.
+    """What `python3 -m billiards_sim.ros.tools.node_load` says of a case: one record at rest, one moving.
 
     Its traffic stays on this machine, in a domain of its own.
 
@@ -28,7 +28,8 @@ def load(rate: int, topics: str) -> list[dict[str, Any]]:
         ChildError: it failed.
     """
     lines = lines_of_python(
-        *("-m", "billiards_sim.ros.node_load", "--rate", str(rate), "--topics", topics, "--duration", str(DURATION)),
+        *("-m", "billiards_sim.ros.tools.node_load"),
+        *("--rate", str(rate), "--topics", topics, "--duration", str(DURATION)),
         ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         ROS_DOMAIN_ID=str(1 + os.getpid() % LAST_DOMAIN),
     )

@@ -14,6 +14,7 @@ import numpy as np
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
+from billiards_sim.quaternion import IDENTITY, turned
 from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, Array, Solver, SteppedSolver
 
 PATH_STEP = 0.01
@@ -118,7 +119,7 @@ class SteppedRecording(Recording):
     def poses(self, times: Iterable[float]) -> Iterator[Pose]:
         # The paper's clock can step back; a movie cannot.
         clock = np.maximum.accumulate([step.time for step in self.steps]).tolist()
-        orientations = np.tile([0.0, 0.0, 0.0, 1.0], (len(self.scene), 1))
+        orientations = np.tile(IDENTITY, (len(self.scene), 1))
         last = 0
         for at in times:
             while last + 1 < len(clock) and clock[last + 1] <= at:
@@ -176,18 +177,6 @@ def ticks(start: float, end: float, interval: float) -> Iterator[float]:
 def look(solver: Solver) -> State:
     """The present state of a solver."""
     return State(solver.time, solver.positions, solver.velocities, solver.angular_velocities)
-
-
-def turned(orientations: Array, spins: Array, duration: float) -> Array:
-    """(N, 4) unit quaternions x y z w, turned by constant angular velocities, (N, 3) rad/s, for a time, s."""
-    rate = np.sqrt((spins * spins).sum(axis=1, keepdims=True))
-    axis = np.divide(spins, rate, out=np.zeros_like(spins), where=rate > 0.0)
-    half = 0.5 * rate * duration
-    u, c = np.sin(half) * axis, np.cos(half)
-    v, w = orientations[:, :3], orientations[:, 3:]
-    product = np.hstack((c * v + w * u + np.cross(u, v), c * w - (u * v).sum(axis=1, keepdims=True)))
-    unit: Array = product / np.sqrt((product * product).sum(axis=1, keepdims=True))
-    return unit
 
 
 def _started(scene: Scene) -> Simulation:

@@ -41,8 +41,8 @@ from tqdm import tqdm
 from visualization_msgs.msg import MarkerArray
 
 import billiards_sim as bs
-from billiards_sim.ros.node_load import evenness, processor_time
 from billiards_sim.ros.process import end_group, isolate
+from billiards_sim.ros.tools.node_load import evenness, processor_time
 from billiards_sim.ros.wrench import wrench_from_shot
 
 UPDATE_RATE = 100.0  # Hz, the default

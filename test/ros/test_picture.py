@@ -17,8 +17,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 import billiards_sim as bs
 from billiards_sim.colours import CLOTH, WHITE, WOOD, ball_colour
-from billiards_sim.ros import markers, picture
-from billiards_sim.ros.rendering import View, draw
+from billiards_sim.ros import markers
+from billiards_sim.ros.tools import picture
+from billiards_sim.ros.tools.rendering import View, draw
 
 SETTINGS = yaml.safe_load((Path(__file__).parents[2] / "config" / "table.rviz").read_text())["Visualization Manager"]
 GREY = (0.25, 0.25, 0.25)

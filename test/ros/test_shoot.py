@@ -10,8 +10,8 @@ from conftest import Site
 from process import Client, positions
 
 import billiards_sim as bs
-from billiards_sim.ros.aim import Aim, angle
-from billiards_sim.ros.commentary import Commentary
+from billiards_sim.ros.tools.aim import Aim, angle
+from billiards_sim.ros.tools.commentary import Commentary
 
 
 @pytest.mark.parametrize(

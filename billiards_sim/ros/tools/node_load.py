@@ -1,4 +1,4 @@
-"""Evenness of the ticks and processor load of the node: `python3 -m billiards_sim.ros.node_load`.
+"""Evenness of the ticks and processor load of the node: `python3 -m billiards_sim.ros.tools.node_load`.
 
 A table of 16 balls in one process; the topics that are asked for subscribed in another, this one. Measured with the
 balls at rest, when twists are quiet, and moving, when every tick carries 16 of them: without rolling friction a break

@@ -15,9 +15,9 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
-from billiards_sim.ros.commentary import Commentary
 from billiards_sim.ros.process import Child, StartError, Stopped, isolate, own_arguments, ros, stoppable
 from billiards_sim.ros.state_publisher import LATCHED
+from billiards_sim.ros.tools.commentary import Commentary
 
 BREAK_FORCE = ("128", "0")
 """N. 8 m/s with the default physics: an ordinary break."""

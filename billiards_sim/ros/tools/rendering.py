@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
-from billiards_sim.study.movie import rotations
+from billiards_sim.quaternion import rotation_matrices
 
 EDGE = 0.6
 """Brightness of the outline of a solid: from above it stands for the shade of its sides."""
@@ -124,7 +124,7 @@ def _rectangle(x: float, y: float, length: float, width: float, along: NDArray[n
 
 def _axis(marker: Marker, number: int) -> NDArray[np.float64]:
     turn = marker.pose.orientation
-    axis: NDArray[np.float64] = rotations(np.array([(turn.x, turn.y, turn.z, turn.w)]))[0][:, number]
+    axis: NDArray[np.float64] = rotation_matrices(np.array([(turn.x, turn.y, turn.z, turn.w)]))[0][:, number]
     return axis
 
 

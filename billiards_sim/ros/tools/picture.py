@@ -1,4 +1,4 @@
-"""What RViz shows with `config/table.rviz`, without RViz: `python3 -m billiards_sim.ros.picture docs/rviz.png`.
+"""What RViz shows with `config/table.rviz`, without RViz: `python3 -m billiards_sim.ros.tools.picture docs/rviz.png`.
 
 The markers are those that the node publishes; the file says which of them are seen, and from where.
 """
@@ -23,9 +23,9 @@ from billiards_sim.engine import scenes
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import markers, messages
-from billiards_sim.ros.aim import Aim
 from billiards_sim.ros.preview import predict
-from billiards_sim.ros.rendering import View, draw
+from billiards_sim.ros.tools.aim import Aim
+from billiards_sim.ros.tools.rendering import View, draw
 
 CONFIGURATION = Path("config/table.rviz")
 """From the top of the repository."""

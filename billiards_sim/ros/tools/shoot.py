@@ -19,9 +19,9 @@ from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, add_cue_options, positive_seconds
 from billiards_sim.engine.scene import Shot
-from billiards_sim.ros.aim import Aim, angle
-from billiards_sim.ros.commentary import Commentary
 from billiards_sim.ros.process import StartError, Stopped, own_arguments, ros, stoppable
+from billiards_sim.ros.tools.aim import Aim, angle
+from billiards_sim.ros.tools.commentary import Commentary
 from billiards_sim.ros.wrench import wrench_from_shot
 
 REFUSED = 1

@@ -1,0 +1,1 @@
+"""Clients of the node: `shoot`, `demo`, and what draws and measures it."""
