@@ -16,7 +16,7 @@ ROS = [
 ]
 FAST = ["numba"]
 PLOT = ["matplotlib", "tqdm", "pillow>=10.1", "imageio-ffmpeg"]
-# what `benchmark` compares with; pooltool, a third, pins a panda3d that is not to be had: see the README
+# what `benchmark` compares with; pooltool, a third, pins a panda3d that is not to be had: see docs/benchmark
 PEERS = ["pymunk", "mujoco"]
 
 setup(

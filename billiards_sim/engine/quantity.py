@@ -1,6 +1,6 @@
 """Physical quantities as dataclass fields: default, unit, bounds and help declared once.
 
-`Physics` and `Table` are made of these fields. The scene file, the node's parameters and the tables of the README read
+`Physics` and `Table` are made of these fields. The scene file, the node's parameters and the table in docs/ros.md read
 the same declarations, so a bound or a unit stands in one place only.
 """
 

@@ -1,7 +1,7 @@
 """`benchmark`: speed against error, the whole study in one command.
 
 Prints tables and writes `benchmark.json`, `benchmark.md` and pictures. `--from` makes the tables and pictures again
-from a `benchmark.json`; `--readme` puts them between the markers of a README.
+from a `benchmark.json`; `--readme` puts the few that tell most between the markers of a README.
 """
 
 from __future__ import annotations
@@ -154,7 +154,9 @@ def _parser() -> Parser:
         help=f"only some of: {', '.join(PARTS)} (quick: the first 3)",
     )
     parser.add_argument("--from", dest="source", type=Path, metavar="JSON", help="do not measure, take these figures")
-    parser.add_argument("--readme", type=Path, metavar="FILE", help="also put the tables between this file's markers")
+    parser.add_argument(
+        "--readme", type=Path, metavar="FILE", help="also put a short table between this file's markers"
+    )
     return parser
 
 

@@ -4,7 +4,7 @@ Every engine is set up for the model of this package as far as it goes: table, m
 frictionless balls, rails with restitution 0.7. Errors are against the solutions to 20 digits.
 
 The extra `peers` installs pymunk and MuJoCo. pooltool 0.6.0 asks for a development version of panda3d that the package
-index may not have; the README says how to install it without.
+index may not have; docs/benchmark says how to install it without.
 """
 
 from __future__ import annotations

@@ -24,6 +24,9 @@ END = "<!-- benchmark: end -->"
 WIDTH = 118
 """Characters in a line of text."""
 
+HIGHLIGHTED_SCENES = ("head_on", "break")
+"""The most forgiving and the most sensitive of the study."""
+
 CROWD_TARGET = 3.0
 """How many times more an event may cost with the most balls than with the fewest."""
 
@@ -326,15 +329,33 @@ def whole_report(results: Results) -> str:
 
 
 def readme_fragment(results: Results) -> str:
-    """What the README shows, between the markers; its pictures are in docs/benchmark."""
-    parts = [where(results)]
-    for heading, text in sections(results).items():
-        parts.append(f"### {heading}\n\n{text}")
-    return (
-        "\n\n".join(parts)
-        .replace("](work_precision.png)", "](docs/benchmark/work_precision.png)")
-        .replace("](chaos.png)", "](docs/benchmark/chaos.png)")
-    )
+    """What the README shows, between the markers: one short table."""
+    return f"{table(('what', 'figure'), highlights(results))}\n\n{where(results)}"
+
+
+def highlights(results: Results) -> list[tuple[str, str]]:
+    """The few figures that tell most, of the parts that were measured: what, and the figure with its unit."""
+    rows = [
+        (row["what"], f"{figure(row['median'])} {row['unit']}")
+        for row in results.get("speed", {}).get("rows", [])
+        if row["target"] is not None and row["unit"] in ("ms", "s")
+    ]
+    for name, scene in results.get("precision", {}).items():
+        if name in HIGHLIGHTED_SCENES:
+            error, least = scene["event"]["position"]["rest"], scene["rounding"]["rest"]
+            text = f"{figure(error)} m; rounding the start to double precision moves it by {figure(least)} m"
+            rows.append((f"`{name}`, error at rest", text))
+    for name, peer in results.get("peers", {}).items():
+        result = peer.get("scenes", {}).get("break", {})
+        if "position" in result:
+            cost, error = figure(result["wall"]["median"] * 1e3), figure(result["position"][CHART_TIME])
+            what = f"`break` for 5 s, {name} {peer['version'] or ''}".strip()
+            rows.append((what, f"{cost} ms; error {error} m at {CHART_TIME} s"))
+    for run in results.get("node", {}).get("runs", []):
+        if run["topics"] == "all":
+            what = f"node at {run['rate']} Hz, balls {run['balls']}, all topics subscribed"
+            rows.append((what, f"{figure(run['mean_rate'])} Hz; {run['load']:.0%} of a core"))
+    return rows
 
 
 def with_fragment(text: str, fragment: str, name: str = "the file") -> str:

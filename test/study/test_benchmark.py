@@ -273,15 +273,41 @@ def test_readme_shows_the_figures_that_are_kept() -> None:
     text = README.read_text(encoding="utf-8")
     fragment = report.readme_fragment(benchmark.read(FIGURES))
     assert report.with_fragment(text, fragment) == text
-    assert "`head_on`" in fragment
-    for picture in ("work_precision.png", "chaos.png"):
-        assert f"](docs/benchmark/{picture})" in fragment
-        assert (FIGURES.parent / picture).is_file()
+    for what in ("break, shot to rest", "`head_on`, error at rest", "`break` for 5 s, pooltool", "node at 100 Hz"):
+        assert f"| {what}" in fragment
 
 
 def test_the_kept_report_is_made_from_the_kept_figures() -> None:
     kept = FIGURES.with_name("benchmark.md").read_text(encoding="utf-8")
     assert kept == report.whole_report(benchmark.read(FIGURES))
+    for picture in ("work_precision.png", "chaos.png"):
+        assert f"]({picture})" in kept
+        assert FIGURES.with_name(picture).is_file()
+
+
+def test_the_short_table_has_the_figures_of_the_parts_that_were_measured() -> None:
+    rows = [speed.row("break", "ms", [2e-4, 3e-4, 1e-4], 0.2, 1e3), speed.row("free", "ms", [3e-6], None, 1e3)]
+    wall = {"median": 0.25}
+    results = {
+        "speed": {"rows": rows},
+        "precision": {
+            "break": {"event": {"position": {"rest": 3e-12}}, "rounding": {"rest": 2e-12}},
+            "bank": {"event": {"position": {"rest": 1e-12}}, "rounding": {"rest": 1e-12}},
+        },
+        "peers": {
+            "slow": {"version": "1.2", "scenes": {"break": {"wall": wall, "position": {"2": 0.5}}}},
+            "broken": {"version": "1", "scenes": {"break": {"failure": "lost a ball"}}},
+            "absent": {"absent": "not installed"},
+        },
+        "node": {"runs": [{"rate": 100, "balls": "moving", "topics": "all", "mean_rate": 99.8, "load": 0.25}]},
+    }
+    assert report.highlights(results) == [
+        ("break", "0.200 ms"),
+        ("`break`, error at rest", "3.0e-12 m; rounding the start to double precision moves it by 2.0e-12 m"),
+        ("`break` for 5 s, slow 1.2", "250 ms; error 0.500 m at 2 s"),
+        ("node at 100 Hz, balls moving, all topics subscribed", "99.8 Hz; 25% of a core"),
+    ]
+    assert report.highlights({}) == []
 
 
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -308,7 +334,9 @@ def test_a_tiny_study_prints_and_writes_everything(tmp_path: Path) -> None:
     assert results["machine"]["numpy"] == np.__version__
     assert results["chaos"]["break"]["seeds"] == benchmark.QUICK_CHAOS_SEEDS
     assert done.stdout.rstrip("\n") == (output / "benchmark.md").read_text(encoding="utf-8").rstrip("\n")
-    assert "chaos.png" in readme.read_text(encoding="utf-8")
+    assert readme.read_text(encoding="utf-8") == report.with_fragment(
+        f"{report.BEGIN}\n{report.END}\n", report.readme_fragment(results)
+    )
 
     again = tmp_path / "again"
     done = run("--from", str(output / "benchmark.json"), "--output", str(again))

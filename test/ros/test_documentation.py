@@ -1,4 +1,4 @@
-"""The README says what the program declares."""
+"""The documentation says what the program declares."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from billiards_sim.ros import parameters
 from billiards_sim.ros.state_publisher import MOST_BALLS, TF_DEPTH
 from billiards_sim.ros.table_node import TableNode
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "ros.md").read_text(encoding="utf-8")
 
 
 def rows() -> list[str]:
@@ -30,12 +30,12 @@ def rows() -> list[str]:
 
 @pytest.mark.parametrize("row", rows())
 def test_parameter_table_is_the_declarations(row: str) -> None:
-    assert row in README
+    assert row in PAGE
 
 
 def topic_rows() -> set[tuple[str, ...]]:
     """Direction, name, type and queue of each row of the table of topics."""
-    rows = [line.strip("| ").split(" | ") for line in README.splitlines() if line.startswith(("| in |", "| out |"))]
+    rows = [line.strip("| ").split(" | ") for line in PAGE.splitlines() if line.startswith(("| in |", "| out |"))]
     return {(way, name.strip("`"), kind.strip("`"), queue) for way, name, kind, _, queue, _ in rows}
 
 
@@ -62,11 +62,11 @@ def test_the_table_of_topics_is_what_the_node_has(make_node: Callable[..., Table
     assert topic_rows() == found | {("out", "/tf", "tf2_msgs/TFMessage", f"{TF_DEPTH}")}
     services = {one.srv_name.rpartition("/")[2]: type_name(one.srv_type) for one in node.services}
     for name in ("reset", "pause", "step"):
-        assert f"| service | `~/{name}` | `{services[name]}` |" in README
+        assert f"| service | `~/{name}` | `{services[name]}` |" in PAGE
 
 
 def test_the_recipe_in_python_shoots(site: Site) -> None:
-    (recipe,) = [block for block in README.split("```python\n") if block.startswith("import json")]
+    (recipe,) = [block for block in PAGE.split("```python\n") if block.startswith("import json")]
     site.table("real_time_factor:=20.0")
     player = site.process("-c", recipe.partition("```")[0], command=[sys.executable])
     assert player.wait() == 0, player.stderr
