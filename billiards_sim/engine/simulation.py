@@ -164,7 +164,7 @@ class Simulation:
         self._turns = _upright(len(scene) if scene.track_orientation else 0)
 
     @property
-    def scene(self) -> Scene:
+    def start_scene(self) -> Scene:
         """The scene that the simulation started from."""
         return self._scene
 
@@ -218,6 +218,16 @@ class Simulation:
     def kinetic_energy(self) -> float:
         """Of all balls, linear and rotational, J."""
         return self._scene.physics.kinetic_energy(self.velocities, self.angular_velocities)
+
+    def scene(self) -> Scene:
+        """The present state as a scene, without a shot: to save, to edit, to start from."""
+        return replace(
+            self._scene,
+            positions=self.positions,
+            velocities=self.velocities,
+            angular_velocities=self.angular_velocities,
+            shot=None,
+        )
 
     def copy(self) -> Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
@@ -350,10 +360,7 @@ class Simulation:
         twin._state = twin._state._replace(balls=before.balls)
         twin._time = before.time
         return replace(
-            self._scene,
-            positions=twin.positions,
-            velocities=twin.velocities,
-            angular_velocities=twin.angular_velocities,
+            twin.scene(),
             name=f"{self._scene.name} before a shot".strip(),
             shot=Shot((force_x, force_y, force_z), (side, up), before.ball),
         )

@@ -60,8 +60,8 @@ def predict(simulation: Simulation, shot: Shot) -> Preview:
         StallError: as `Simulation.advance`.
     """
     twin = simulation.copy()
-    names = twin.scene.names
-    radius = twin.scene.physics.radius
+    names = twin.start_scene.names
+    radius = twin.start_scene.physics.radius
     paths = [[(x, y)] for x, y in twin.positions.tolist()]
     twin.strike(shot.force, shot.offset, shot.ball)
     _extend(paths, twin)

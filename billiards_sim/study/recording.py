@@ -186,6 +186,6 @@ def _started(scene: Scene) -> Simulation:
 
 
 def _play_shot(solver: Solver) -> None:
-    shot = solver.scene.shot
+    shot = solver.start_scene.shot
     if shot is not None:
         solver.strike(shot.force, shot.offset, shot.ball)

@@ -68,8 +68,8 @@ class Solver(Protocol):
     """What the three solvers share; a `Simulation` has it all. SI units, frame `table`, N balls, arrays are copies."""
 
     @property
-    def scene(self) -> Scene:
-        """Where it started from; `scene.names` are the balls, in the order of the arrays."""
+    def start_scene(self) -> Scene:
+        """Where it started from; its `names` are the balls, in the order of the arrays."""
 
     @property
     def time(self) -> float:
@@ -152,7 +152,7 @@ class SteppedSolver(ABC):
         self._bounds = np.array([[table.x_min, table.y_min], [table.x_max, table.y_max]])
 
     @property
-    def scene(self) -> Scene:
+    def start_scene(self) -> Scene:
         return self._scene
 
     @property

@@ -10,7 +10,7 @@ import billiards_sim as bs
 
 
 def assert_state(simulation: bs.Simulation, exact: list, atol: float) -> None:
-    radius = simulation.scene.physics.radius
+    radius = simulation.start_scene.physics.radius
     np.testing.assert_allclose(simulation.positions, exact_array(exact, "position"), rtol=0, atol=atol)
     np.testing.assert_allclose(simulation.velocities, exact_array(exact, "velocity"), rtol=0, atol=atol)
     spins = exact_array(exact, "angular_velocity")

@@ -285,6 +285,23 @@ def test_copy_goes_its_own_way_and_leaves_the_original() -> None:
     assert np.array_equal(original.positions, twin.positions)
 
 
+def test_scene_is_the_present_state() -> None:
+    start = bs.scenes.eight_ball()
+    simulation = bs.Simulation(start)
+    break_shot(simulation)
+    simulation.advance(0.4)
+    scene = simulation.scene()
+    assert simulation.start_scene is start
+    assert scene.positions.tolist() == simulation.positions.tolist() != start.positions.tolist()
+    assert scene.velocities.tolist() == simulation.velocities.tolist()
+    assert scene.angular_velocities.tolist() == simulation.angular_velocities.tolist()
+    assert (scene.names, scene.table, scene.physics, scene.shot) == (start.names, start.table, start.physics, None)
+    again = bs.Simulation(scene)
+    again.advance(0.2)
+    simulation.advance(0.2)
+    assert again.positions == pytest.approx(simulation.positions, abs=1e-9)
+
+
 def test_snapshot_is_restored_to_the_bit_as_often_as_wanted() -> None:
     simulation = bs.Simulation(bs.scenes.eight_ball())
     start = simulation.snapshot()

@@ -90,8 +90,8 @@ def test_the_frame_and_the_namespaces_are_the_messages_own() -> None:
     assert RVIZ["Global Options"]["Fixed Frame"] == FRAME
     simulation = bs.Simulation(bs.Scene([[0.5, 0.5], [1.0, 0.5]], names=("cue", "9")))
     shot = Shot((30.0, 0.0, 0.0))
-    preview = markers.preview_markers(predict(simulation, shot), simulation.scene.names, 0.03, 0)
-    balls = markers.BallMarkers(simulation.scene.names, 0.03, 30.0)
+    preview = markers.preview_markers(predict(simulation, shot), simulation.start_scene.names, 0.03, 0)
+    balls = markers.BallMarkers(simulation.start_scene.names, 0.03, 30.0)
     balls.update(simulation.positions.tolist(), 0)
     simulation.strike(shot.force)
     balls.flash(markers.contact_points(simulation.advance(1.0)))

@@ -257,7 +257,7 @@ def test_a_scene_that_waits_keeps_what_is_set_meanwhile(table: TableNode, tmp_pa
     path = scene_file(tmp_path)
     assert change(table, scene=path) == ""
     assert change(table, physics__mass=0.2, marker_rate=0) == ""
-    assert table.simulation.scene.physics.mass == 0.2
+    assert table.simulation.start_scene.physics.mass == 0.2
     Path(path).unlink()  # it was read when it was set
     table.reset()
     assert (table.settings.scene.physics.mass, table.settings.marker_rate) == (0.2, 0.0)

@@ -41,10 +41,10 @@ def test_paths_pass_through_every_contact() -> None:
         if event.kind not in ("ball_ball", "ball_rail"):
             continue
         for name in event.balls:
-            path = np.array(found.paths[simulation.scene.names.index(name)])
+            path = np.array(found.paths[simulation.start_scene.names.index(name)])
             gaps = np.hypot(*(path - event.point).T)
             assert np.abs(gaps - RADIUS).min() < 1e-9
-    for name, path, start in zip(simulation.scene.names, found.paths, simulation.positions.tolist()):
+    for name, path, start in zip(simulation.start_scene.names, found.paths, simulation.positions.tolist()):
         assert path[0] == tuple(start)
         moved = any(name in event.balls for event in found.events)
         assert (len(path) > 1) is moved
@@ -95,7 +95,7 @@ def test_events_end_a_preview(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_preview_json_keeps_every_digit() -> None:
     simulation = table()
     found = preview.predict(simulation, BREAK)
-    names = simulation.scene.names
+    names = simulation.start_scene.names
     stamps = messages.Stamps(1_000_000_000)
     read = json.loads(preview.preview_json(found, names, RADIUS, stamps, (7, 8)))
     assert {key: read[key] for key in ("version", "accepted", "reason", "time", "complete")} == {

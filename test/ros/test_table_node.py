@@ -50,7 +50,7 @@ def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> N
     ]
     for key in ("time", "approach_speed", "impulse"):
         assert [c[key] for c in client.collisions] == pytest.approx([getattr(e, key) for e in events], abs=1e-9)
-    radius = simulation.scene.physics.radius
+    radius = simulation.start_scene.physics.radius
     assert np.allclose([c["point"] for c in client.collisions], [[*e.point, radius] for e in events], rtol=0, atol=1e-9)
     assert np.allclose([c["normal"] for c in client.collisions], [[*e.normal, 0.0] for e in events], rtol=0, atol=1e-9)
     assert np.abs(np.array(positions(final)) - simulation.positions).max() <= 1e-9
@@ -66,7 +66,7 @@ def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> N
         last = {twist.body_frame_id: twist.velocity for twist in client.twists}
         return {name for name, v in last.items() if (v.linear.x, v.linear.y, v.angular.x, v.angular.y) == (0, 0, 0, 0)}
 
-    client.spin_until(lambda: resting() == set(simulation.scene.names))
+    client.spin_until(lambda: resting() == set(simulation.start_scene.names))
     assert max(math.hypot(t.velocity.linear.x, t.velocity.linear.y) for t in client.twists) > 5.0
 
     assert {marker.ns for message in client.markers for marker in message.markers} == {

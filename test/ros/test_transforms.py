@@ -99,7 +99,7 @@ def test_frames_go_out_every_tick_while_somebody_listens(
     node.start()
     node.advance(0.25)
     assert len(publisher.sent) == 1
-    radius = node.simulation.scene.physics.radius
+    radius = node.simulation.start_scene.physics.radius
     assert np.array(list(publisher.sent[0].values())) == pytest.approx(
         np.column_stack((node.simulation.positions, [radius, radius]))
     )
