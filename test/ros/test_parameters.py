@@ -174,7 +174,7 @@ def test_physics_change_at_rest_and_the_balls_stay(table: TableNode) -> None:
     before = table.simulation
     assert change(table, physics__mass=0.17, physics__sliding_friction=0.3) == ""
     after = table.simulation
-    assert (after.start_scene.physics.mass, after.scene.physics.sliding_friction) == (0.17, 0.3)
+    assert (after.start_scene.physics.mass, after.start_scene.physics.sliding_friction) == (0.17, 0.3)
     assert np.array_equal(after.positions, before.positions)
     assert (after.time, after.at_rest) == (0.5, True)
     after.strike((85.0, 0.0, 0.0))
