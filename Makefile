@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # make demo   break a rack over ROS 2 and watch it
 # make test   every check
 # make soak   tens of thousands of random scenes to rest, with a progress bar; a quarter of an hour

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """billiards_sim: a billiards table as a ROS 2 node over an exact, event-driven physics engine.
 
 The names below are the engine; importing them needs NumPy alone. The node is in `billiards_sim.ros`.

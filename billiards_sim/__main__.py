@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`python3 -m billiards_sim NAME ...` runs the executable NAME, as `ros2 run billiards_sim NAME ...` does."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Colours of the table and the balls, (red, green, blue) from 0 to 1, for whoever draws them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the executables share: a parser that answers a mistake with one line."""
 
 from __future__ import annotations

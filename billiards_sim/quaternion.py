@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Unit quaternions x y z w, rows of arrays: how balls are turned. The engine's kernel is in `orientation.py`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quaternions against rotation matrices, which compose by their own rule."""
 
 import math

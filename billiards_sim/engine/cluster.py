@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Impacts at the same instant: every contact of a cluster of touching balls solved together.
 
 Generalized reflections (Smith, Kaufman, Vouga, Tamstorf and Grinspun, "Reflections on Simultaneous Impact", 2012): all

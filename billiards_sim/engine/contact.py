@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sustained contact: balls that cloth friction presses against each other or against a rail.
 
 A ball that slides into a rail or into a slower ball bounces off it ever lower, infinitely often in a finite time. What

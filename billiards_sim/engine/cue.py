@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cue shot (paper equations 1 to 12), in the shot's own frame: x' along the force, y' to its left, z' up."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When the next contact is: the earliest root of the distance between two balls, or of a ball and a rail.
 
 A contact is the earliest time at which the gap is closed and closing. Stated so, touching, overlapping and separating

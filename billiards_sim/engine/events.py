@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What happened: one record for each collision, each end of slip or motion, each shot."""
 
 from __future__ import annotations

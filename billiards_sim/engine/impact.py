@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a contact does: frictionless impulses along the normal (paper equations 43 to 49).
 
 Two balls of equal mass exchange the normal components of their velocities; a rail gives back the normal component

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One source, two speeds: kernels that Numba compiles where it is installed and Python interprets where it is not.
 
 A kernel is a plain function over numbers and tables of records. A table is a structured NumPy array when kernels are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The event loop: take the earliest event, let it happen, predict again what it changed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Closed-form motion of one ball: sliding, rolling, rest (paper equations 13 to 25, put right).
 
 With the contact point at r = (0, 0, -R), the slip is u = v + w x r = (vx - R wy, vy + R wx).

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How balls are turned: orientation integrated from the angular velocity, where a scene asks for it.
 
 A unit quaternion (x, y, z, w) takes directions fixed in the ball to the frame `table`; q' = w q / 2 with the angular

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The physical constants of balls, cloth, rails and cue."""
 
 from __future__ import annotations

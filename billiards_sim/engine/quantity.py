@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Physical quantities as dataclass fields: default, unit, bounds and help declared once.
 
 `Physics` and `Table` are made of these fields. The scene file, the node's parameters and the table in docs/ros.md read

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A scene: the balls at the start, the table, the physics and, if wanted, a first shot; and its YAML file."""
 
 from __future__ import annotations

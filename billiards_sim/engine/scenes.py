@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The built-in scenes: the paper's three and an eight-ball rack."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What comes next: the predicted contacts of every ball, and the earliest event of all.
 
 The playing area is cut into cells; a ball looks for contacts in its own cell and the eight around it, until it leaves

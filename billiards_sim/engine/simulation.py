@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulation: a scene in motion, from event to event."""
 
 from __future__ import annotations

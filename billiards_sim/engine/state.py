@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the kernels share: the records of balls, contacts, impacts and events.
 
 Positions are centred: x and y are measured from the centre of the playing area, so that IEEE arithmetic, exact under

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table: playing area, rails and spots."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What RViz draws: balls as spheres with stripes and trails, flashes at contacts, the table as boxes, previews."""
 
 from __future__ import annotations

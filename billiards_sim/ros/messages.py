@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From state to messages. Those of every tick are kept as bytes: converting messages would cost most of a tick."""
 
 from __future__ import annotations

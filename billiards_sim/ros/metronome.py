@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ticks at a steady rate, without the cost of an executor's timer."""
 
 from __future__ import annotations

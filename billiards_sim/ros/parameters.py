@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's parameters: declared from the quantities of `Physics` and `Table`, checked together.
 
 A `physics.*` or `table.*` parameter that is not given takes the value of the scene; one that is given replaces it. The

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Balls where a camera saw them: what a `PoseArray` says, checked, and freed of the camera's noise."""
 
 from __future__ import annotations

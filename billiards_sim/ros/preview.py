@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a shot would do: played out on a copy of the table, with bounded work."""
 
 from __future__ import annotations

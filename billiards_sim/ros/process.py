@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start and end of ROS processes: arguments, signals, children."""
 
 from __future__ import annotations

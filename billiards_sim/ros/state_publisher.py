@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is on the table, to whoever listens."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node `table`: subscriptions, timers and publishers around a `Simulation`."""
 
 from __future__ import annotations

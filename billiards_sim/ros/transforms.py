@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A frame for each ball on /tf. Optional: the node needs tf2_msgs only where a parameter asks for the frames."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cue shot as a wrench about the ball's centre, and back.
 
 With the contact point r = (-behind, side, up) and the force F = (f, 0, 0) in the shot's own frame (x' along the force,

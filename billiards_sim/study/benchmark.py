@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`benchmark`: speed against error, the whole study in one command.
 
 Prints tables and writes `benchmark.json`, `benchmark.md` and pictures. `--from` makes the tables and pictures again

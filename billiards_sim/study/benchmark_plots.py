@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark's pictures: work against precision, and the growth of differences."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far a run can be foretold: two runs that start almost alike, and when they part.
 
 Balls are convex, so each collision magnifies a difference, and differences grow exponentially with the collisions. No

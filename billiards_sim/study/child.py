@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calls a function in this process and prints its result as JSON: the other end of `measure.in_child`."""
 
 from __future__ import annotations

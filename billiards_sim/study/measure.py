@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every part of the benchmark measures with: clocks, medians, slopes, child processes, the machine."""
 
 from __future__ import annotations

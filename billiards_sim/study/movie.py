@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Movies of a run from above, with balls whose stripes and numbers roll.
 
 A pixel of a ball is the point of its surface above it. Turned into the ball's own frame, that point tells what is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the node costs: processor load and how evenly its ticks come, where ROS 2 is installed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same scenes in other engines, where they are installed; each in a process of its own.
 
 Every engine is set up for the model of this package as far as it goes: table, masses, friction, elastic and

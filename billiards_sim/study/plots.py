@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of a run: the table from above, to scale, with the balls' paths and contacts."""
 
 from __future__ import annotations

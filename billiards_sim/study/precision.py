@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Work against precision: what each solver's time step buys, measured against solutions to 20 digits.
 
 Every solver starts from a scene and goes on to t = 0.5, 1, 2 and 5 s and to rest. A step is run `len(NEIGHBOURS)`

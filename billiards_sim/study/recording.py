@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a solver made of a scene, kept so that tables, pictures and movies can look at any time of it."""
 
 from __future__ import annotations

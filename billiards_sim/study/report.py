@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark's figures in words and tables: for the terminal, `benchmark.md` and the README."""
 
 from __future__ import annotations

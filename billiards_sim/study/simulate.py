@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executable `simulate`: runs a scene without ROS and writes numbers, a picture or a movie of it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How fast the engine is: breaks, starts, many balls, copies, and what each feature costs. Through the public API."""
 
 from __future__ import annotations

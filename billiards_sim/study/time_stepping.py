@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's time stepping, literal and corrected, beside the engine: three solvers with one interface.
 
 `SOLVERS` makes a solver from a scene and a time step:

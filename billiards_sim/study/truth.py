@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Solutions to 20 digits, which errors are measured against.
 
 `truth.json` is written by `python3 test/data/make_exact_scenes.py --truth billiards_sim/study/truth.json`, a

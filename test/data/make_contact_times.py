@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contact times of 1.1 million pairs of balls, solved in exact arithmetic.
 
 Independent of the engine it is meant to check: no shared code, only the same definition of a contact. A pair is a

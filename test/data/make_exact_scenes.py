@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exact reference scenes for billiards, solved event by event in multiprecision arithmetic.
 
 Independent of the engine it is meant to check: no shared code, only the same physical model. A ball slides (constant

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What several engine tests need: exact solutions, random scenes, and the laws that every run must keep."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random scenes by the thousand, dense and touching ones among them, each checked against the laws until rest.
 
 python test/engine/soak.py [--scenes 10000] [--breaks 20000]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Impacts at the same instant: shocks through touching balls, symmetry, independence of the order of the balls."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sustained contact: the limit of ever finer bounces, against closed forms and against fine bounces themselves."""
 
 from __future__ import annotations

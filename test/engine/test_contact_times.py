@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contact times of a million pairs and 100 000 grazes against solutions in exact arithmetic (test/data).
 
 What double precision can do: the engine evaluates q = p + (v + a t/2) t and |q| - D. With u = 2^-53 a component of q is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cue shot against equations 1 to 12, in every direction."""
 
 from __future__ import annotations

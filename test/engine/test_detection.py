@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contact times against roots of the quartic found by other means."""
 
 from __future__ import annotations

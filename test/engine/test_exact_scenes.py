@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Against solutions to 20 digits of independent multiprecision programs (test/data)."""
 
 from __future__ import annotations

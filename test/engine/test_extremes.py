@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Corners, rails, tiny and huge speeds, restitution 0 and 1, and runs of a million collisions."""
 
 from __future__ import annotations

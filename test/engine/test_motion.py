@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Motion of a single ball against the formulas of the physics."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Orientation against closed forms and against a fine quadrature of the angular velocity."""
 
 from __future__ import annotations

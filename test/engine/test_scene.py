@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes: what is refused, the file, the built-in ones."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cells against one cell that holds every ball: what happens must not depend on them."""
 
 from __future__ import annotations

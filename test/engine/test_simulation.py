@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulation as its users see it: time, events, errors, determinism; and the laws of impact."""
 
 from __future__ import annotations

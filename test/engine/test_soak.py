@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A short version of the soak: random, dense and touching scenes, and breaks, checked until rest."""
 
 from __future__ import annotations

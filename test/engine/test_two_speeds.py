@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same source compiled and interpreted: the same bits; and what importing the engine brings in."""
 
 from __future__ import annotations

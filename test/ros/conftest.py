@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tests of the ROS side: on this machine only, in ROS domains of their own, with checked message fields."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a running table must stand: an hour of random shots, a flood of malformed ones, kills, late joiners.
 
 python test/ros/endurance.py [hour] [flood] [kill] [late] [--hours 1] [--seconds 30] [--kills 3] [--joiners 5]

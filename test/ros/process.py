@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Processes of the package and a client in the test's own process. Every wait is bounded and ends on an event."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What RViz reads from its configuration files, as far as `config/table.rviz` goes, and a check of a file against it.
 
 RViz passes over a name that it does not know, and over a value of an enumeration likewise, without a word. Read from

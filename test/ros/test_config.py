@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The RViz configuration against what RViz reads and what the node publishes."""
 
 import copy

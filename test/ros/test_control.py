@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters, pause, step and the clock over DDS, with the table in a process of its own."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executables as processes: arguments, exit codes, signals."""
 
 import signal

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """colcon builds the package in a clean workspace, and the node starts from the installed prefix."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The metronome, by events: nothing here waits for a time that a busy machine may not keep."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the picture of RViz shows, pixel by pixel."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shots in people's words: as plain functions, and with `shoot` and a table in processes of their own."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node over DDS: the table, and often `shoot`, in processes of their own."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What happens at a tick and between two, with the node in this process."""
 
 from __future__ import annotations

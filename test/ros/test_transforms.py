@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of the balls. tf2_msgs need not be installed here, so a stand-in takes its place where it must be there."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark: its statistics, its truth, its tables, and a tiny run from end to end."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Movies: frames, files, and balls whose paint turns with them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings: from the start to the end of a run, the shot included."""
 
 from __future__ import annotations

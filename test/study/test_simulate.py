@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executable `simulate`: what it writes against what the solvers give, and how it refuses."""
 
 from __future__ import annotations

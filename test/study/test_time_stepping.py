@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The time-stepping solvers: the literal one against runs of the paper's program, the corrected one against the engine.
 
 `data/paper_runs.csv` holds what the paper's program gives for its scenes 1 and 2 at two time steps. `t` is its clock,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A shot as people say it: the speed of the cue ball, an angle, and where the tip hits in shares of the radius."""
 
 from __future__ import annotations

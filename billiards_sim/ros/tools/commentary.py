@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The events of a shot in words, as they come on `collisions`."""
 
 from __future__ import annotations

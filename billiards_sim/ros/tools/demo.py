@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executable `demo`: a table in one process, a break shot from another, and what the table publishes."""
 
 from __future__ import annotations

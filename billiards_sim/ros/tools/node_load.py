@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Evenness of the ticks and processor load of the node: `python3 -m billiards_sim.ros.tools.node_load`.
 
 A table of 16 balls in one process; the topics that are asked for subscribed in another, this one. Measured with the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What RViz shows with `config/table.rviz`, without RViz: `python3 -m billiards_sim.ros.tools.picture docs/rviz.png`.
 
 The markers are those that the node publishes; the file says which of them are seen, and from where.

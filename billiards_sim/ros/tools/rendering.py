@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Markers seen from straight above, drawn with matplotlib."""
 
 from __future__ import annotations

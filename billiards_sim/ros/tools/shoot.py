@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executable `shoot`: one cue shot, or what it would do, and the table's verdict."""
 
 from __future__ import annotations
