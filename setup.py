@@ -46,6 +46,7 @@ setup(
             *PLOT,
             "pytest",
             "hypothesis",
+            "scipy",
             "mpmath>=1.4",
             "ruff~=0.17.6",
             "mypy~=2.4",

@@ -8,16 +8,8 @@ from geometry_msgs.msg import PoseArray
 from numpy.typing import NDArray
 
 from billiards_sim.engine.scene import Scene
+from billiards_sim.ros.separation import TOUCHING, separated
 from billiards_sim.ros.wrench import check_frame
-
-TOUCHING = 1e-10
-"""m. Overlap at which balls count as touching: a tenth of what a scene allows."""
-
-PASSES = 2000
-"""Rounds of pushing balls apart before there counts as no room; a noisy rack takes some hundred."""
-
-REACH = 0.5
-"""In diameters: how far apart balls are looked after, so that the pairs need not be looked for in every round."""
 
 
 def placed_positions(message: PoseArray, scene: Scene, tolerance: float) -> NDArray[np.float64]:
@@ -52,52 +44,7 @@ def placed_positions(message: PoseArray, scene: Scene, tolerance: float) -> NDAr
     tolerance = max(tolerance, TOUCHING)  # what comes from the table's own poses may go back
     _check_rails(positions, low, high, scene, tolerance)
     _check_overlaps(positions, scene, tolerance)
-    return separated(positions, low, high, 2.0 * radius)
-
-
-def separated(
-    positions: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], diameter: float
-) -> NDArray[np.float64]:
-    """Balls moved apart until none overlap by more than `TOUCHING`, and into the box; those that are free stay.
-
-    Every round moves the two balls of each overlapping pair apart by its depth, half each; a ball in several pairs
-    takes the mean. So the result does not depend on the order of the balls, up to rounding.
-
-    Args:
-        positions: (N, 2) m.
-        low, high: (2,) m, the box for the centres.
-        diameter: m.
-
-    Raises:
-        ValueError: `PASSES` rounds leave an overlap, or two balls share one centre.
-    """
-    moved = np.clip(positions, low, high)
-    looked = None
-    for _ in range(PASSES):
-        if looked is None or np.abs(moved - looked).max() > 0.25 * REACH * diameter:
-            looked = moved
-            first, second = _pairs(moved, (1.0 + REACH) * diameter)
-        apart = moved[first] - moved[second]
-        distances = np.hypot(apart[:, 0], apart[:, 1])
-        depths = diameter - distances
-        deep = depths > TOUCHING
-        if not deep.any():
-            return moved
-        if not distances.all():
-            raise ValueError("two balls share one centre: there is no telling how to separate them")
-        pushes = (0.5 * depths[deep] / distances[deep])[:, np.newaxis] * apart[deep]
-        balls = np.concatenate((first[deep], second[deep]))
-        count = np.bincount(balls, minlength=len(moved))
-        both = np.concatenate((pushes, -pushes))
-        sums = [np.bincount(balls, weights=both[:, axis], minlength=len(moved)) for axis in range(2)]
-        moved = np.clip(moved + np.column_stack(sums) / np.maximum(count, 1)[:, np.newaxis], low, high)
-    raise ValueError(f"no room to separate the balls: some still overlap by {depths.max():.6g} m")
-
-
-def _pairs(positions: NDArray[np.float64], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    first, second = np.triu_indices(len(positions), 1)
-    near = np.hypot(*(positions[first] - positions[second]).T) < reach
-    return first[near], second[near]
+    return separated(positions, low, high, 2.0 * radius, scene.names)
 
 
 def _check_rails(
@@ -115,7 +62,7 @@ def _check_rails(
 
 def _check_overlaps(positions: NDArray[np.float64], scene: Scene, tolerance: float) -> None:
     diameter = 2.0 * scene.physics.radius
-    first, second = _pairs(positions, diameter)
+    first, second = np.triu_indices(len(positions), 1)
     if not len(first):
         return
     distances = np.hypot(*(positions[first] - positions[second]).T)
