@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Balls that overlap moved apart, no further than needed: the nearest places where none overlaps.
 
 What is minimised is the sum of the squared displacements of the balls, subject to |x_i - x_j| >= 2 R for each pair and
