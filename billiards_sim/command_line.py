@@ -24,12 +24,6 @@ class Parser(argparse.ArgumentParser):
         self.exit(USAGE_ERROR, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def add_cue_options(parser: argparse._ActionsContainer, *, force: str, offset: str) -> None:
-    """Add `--force FX FY` and `--offset SIDE UP` with these helps: None where not given."""
-    parser.add_argument("--force", nargs=2, type=float, metavar=("FX", "FY"), help=force)
-    parser.add_argument("--offset", nargs=2, type=float, metavar=("SIDE", "UP"), help=offset)
-
-
 def positive_seconds(text: str) -> float:
     """An argument type: a finite time > 0, s."""
     seconds = float(text)

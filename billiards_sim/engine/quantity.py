@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 
@@ -54,11 +55,8 @@ def check_quantities(owner: Any) -> None:
     group = type(owner).__name__.lower()
     for name, declared in quantities(owner).items():
         given = getattr(owner, name)
-        try:
-            value = float(given) if not isinstance(given, (bool, str, bytes)) else math.nan
-        except (TypeError, ValueError, OverflowError):
-            value = math.nan
-        if not declared.contains(value):
+        value = _as_float(given)
+        if value is None or not declared.contains(value):
             raise ValueError(f"{group}.{name} must be a number {declared.bounds()} ({declared.unit}), got {given!r}")
         object.__setattr__(owner, name, value)
 
@@ -79,16 +77,39 @@ def from_mapping(owner: type, values: Any) -> Any:
     return owner(**values)
 
 
-def numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
-    """`count` floats from any sequence of numbers.
+def number(name: str, given: Any) -> float:
+    """A finite float from any real number.
 
     Raises:
-        ValueError: another number of them, or not numbers.
+        ValueError: not a number (a truth value, a text and a complex number are none), or not finite.
+    """
+    value = _as_float(given)
+    if value is None or not math.isfinite(value):
+        raise ValueError(f"{name} must be a finite number, got {given!r}")
+    return value
+
+
+def numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
+    """`count` floats from any sequence of real numbers, finite or not.
+
+    Raises:
+        ValueError: another number of them, or not numbers (truth values, texts and complex numbers are none).
     """
     try:
-        values = tuple(float(value) for value in given)
-    except (TypeError, ValueError, OverflowError):
-        values = ()
-    if len(values) != count:
+        values = [_as_float(value) for value in given]
+    except TypeError:
+        values = []
+    floats = tuple(value for value in values if value is not None)
+    if len(values) != count or len(floats) != count:
         raise ValueError(f"{name} must be {count} numbers, got {given!r}")
-    return values
+    return floats
+
+
+def _as_float(given: Any) -> float | None:
+    # None for what is no real number. A truth value is one to Python, and never what is meant.
+    if isinstance(given, bool) or not isinstance(given, Real):
+        return None
+    try:
+        return float(given)
+    except OverflowError:
+        return math.inf

@@ -14,6 +14,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.contact import free_ball
 from billiards_sim.engine.cue import Strike, strike
 from billiards_sim.engine.detection import contact_time, rail_contact_time
@@ -304,6 +305,30 @@ class Simulation:
         event.point_x, event.point_y = centre[0] + struck.tip[0], centre[1] + struck.tip[1]
         event.normal_x, event.normal_y = struck.direction
         event.approach, event.impulse = 0.0, struck.impulse
+
+    def shoot(
+        self,
+        speed: float,
+        azimuth: float,
+        side: float = 0.0,
+        up: float = 0.0,
+        elevation: float = 0.0,
+        ball: str = "cue",
+    ) -> None:
+        """Hit a resting ball as people say it; otherwise as `strike`.
+
+        Args:
+            speed: of the ball after the shot, along the table, m/s.
+            azimuth: its direction, rad, counter-clockwise from the x axis.
+            side, up: where the tip hits, to the left and up in shares of the radius, seen along the shot.
+            elevation: of the butt over the tip, rad: the force then points down.
+            ball: its name.
+
+        Raises:
+            ValueError: as `Aim` and `strike`. Nothing changes then.
+        """
+        shot = Aim(speed, azimuth, side, up, elevation).shot(self._scene.physics, ball)
+        self.strike(shot.force, shot.offset, shot.ball)
 
     def advance(self, duration: float) -> EventLog:
         """Go on by exactly `duration` s, however many events fall inside; returns these events.

@@ -14,10 +14,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from billiards_sim.command_line import USAGE_ERROR, Parser, add_cue_options, positive_seconds
-from billiards_sim.engine.scene import Scene, Shot, load_scene
+from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.engine.aim import Aim
+from billiards_sim.engine.scene import Scene, load_scene
 from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.simulation import StallError
+from billiards_sim.shot_options import add_shot_options, shot_asked_for
 from billiards_sim.study.recording import Recording, record
 from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, SchemeError
 
@@ -36,7 +38,8 @@ PACKAGES = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}
 
 COLUMNS = ("time", "ball", "x", "y", "vx", "vy", "wx", "wy", "wz")
 
-DESCRIPTION = """Run a scene to rest, or to a time, and write what was asked for. A shot of the scene is played first.
+DESCRIPTION = """Run a scene to rest, or to a time, and write what was asked for. A shot of the scene is played first,
+or in its place the one of the options, which hits the ball cue.
 Exit code 0: done; 1: the solver cannot go on; 2: bad arguments, or a file that cannot be read or written.
 JSON and CSV have as many digits, up to 17, as it takes to read back the same numbers, in SI units."""
 
@@ -67,11 +70,6 @@ def main(arguments: list[str]) -> int:
 def _parser() -> Parser:
     parser = Parser(prog="simulate", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", metavar="SCENE", help=f"a scene file, or one of {', '.join(BUILT_IN)}")
-    add_cue_options(
-        parser,
-        force="hit the ball cue with this force, N, instead of the scene's shot",
-        offset="with --force: where the tip hits, m from the centre of the ball seen along the force (0 0)",
-    )
     parser.add_argument(
         "--solver",
         choices=SOLVERS,
@@ -99,6 +97,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--movie", type=Path, metavar="F.mp4", help=f"film it, 30 frames a second ({', '.join(MOVIES)})"
     )
+    add_shot_options(parser)
     return parser
 
 
@@ -177,14 +176,12 @@ def _scene(options: argparse.Namespace) -> Scene:
             raise Refusal(f"cannot read {name!r}: {error}") from None
         except ValueError as error:
             raise Refusal(_one_line(error)) from None
-    if options.force is None:
-        if options.offset is not None:
-            raise Refusal("--offset needs --force")
-        return scene
     try:
-        return replace(scene, shot=Shot((*options.force, 0.0), options.offset or (0.0, 0.0)))
+        asked = shot_asked_for(options)
+        shot = asked.shot(scene.physics) if isinstance(asked, Aim) else asked
+        return scene if shot is None else replace(scene, shot=shot)
     except ValueError as error:
-        raise Refusal(f"--force or --offset: {error}") from None
+        raise Refusal(_one_line(error)) from None
 
 
 def _record(scene: Scene, options: argparse.Namespace) -> Recording:
@@ -253,7 +250,7 @@ def _print_summary(recording: Recording, options: argparse.Namespace) -> None:
     print(f"  events          {len(recording.events)}{': ' if kinds else ''}{kinds}")
     print(f"  wall time       {recording.wall_seconds:.3g} s")
     if recording.at_rest and not recording.events:
-        print("  nothing moved: the scene has no shot; --force FX FY hits the ball cue")
+        print("  nothing moved: the scene has no shot; --speed V and --angle A hit the ball cue")
     sys.stdout.flush()
 
 

@@ -1,55 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shots in people's words: as plain functions, and with `shoot` and a table in processes of their own."""
 
-import argparse
 import math
 import re
 
-import numpy as np
 import pytest
 from conftest import Site
 from process import Client, positions
 
 import billiards_sim as bs
-from billiards_sim.ros.tools.aim import Aim, angle
+from billiards_sim.engine.aim import Aim
 from billiards_sim.ros.tools.commentary import Commentary
+from billiards_sim.ros.tools.shoot import _describe
+from billiards_sim.ros.wrench import wrench_from_shot
 
 
-@pytest.mark.parametrize(
-    ("text", "value"), [("12deg", math.pi / 15), ("-90deg", -math.pi / 2), ("0.2rad", 0.2), ("-1e-3rad", -1e-3)]
-)
-def test_an_angle_has_its_unit(text: str, value: float) -> None:
-    assert angle(text) == pytest.approx(value, abs=1e-15)
-
-
-@pytest.mark.parametrize("text", ["12", "deg", "12grad", "nandeg", "infrad", "12 degrees", ""])
-def test_an_angle_without_a_unit_is_refused(text: str) -> None:
-    with pytest.raises(argparse.ArgumentTypeError, match="must be an angle with its unit"):
-        angle(text)
-
-
-def test_an_aim_gives_the_ball_its_speed_direction_and_spin() -> None:
-    physics = bs.Physics(mass=0.17, radius=0.03, cue_contact_time=0.002)
-    aim = Aim(3.0, math.radians(120.0), 0.3, -0.2)
-    shot = aim.shot(physics.mass, physics.radius, physics.cue_contact_time)
-    simulation = bs.Simulation(bs.Scene([[1.0, 0.6]], physics=physics))
-    simulation.strike(shot.force, shot.offset)
-    assert simulation.velocities[0] == pytest.approx([-1.5, 1.5 * math.sqrt(3.0)], abs=1e-12)
-    # w = 5 v b / (2 R^2) for a tip b off the centre: to the left it turns the ball clockwise
-    assert simulation.angular_velocities[0, 2] == pytest.approx(-2.5 * 3.0 * 0.3 / 0.03)
-    assert np.hypot(*simulation.angular_velocities[0, :2]) == pytest.approx(2.5 * 3.0 * 0.2 / 0.03)
-
-
-@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf])
-def test_a_bad_speed_is_refused(speed: float) -> None:
-    with pytest.raises(ValueError, match="speed must be a finite number > 0"):
-        Aim(speed, 0.0)
-
-
-@pytest.mark.parametrize("offset", [(1.0, 0.0), (0.8, -0.6), (math.nan, 0.0), (0.0, math.inf)])
-def test_a_tip_off_the_ball_is_refused(offset: tuple) -> None:
-    with pytest.raises(ValueError, match="together < 1 radius, got"):
-        Aim(3.0, 0.0, *offset)
+@pytest.mark.parametrize("azimuth", [0.0, 0.5 * math.pi, math.pi])
+def test_no_number_is_written_as_minus_zero(azimuth: float) -> None:
+    shot = Aim(3.0, azimuth, -0.0, -0.0).shot(bs.Physics())
+    text = _describe(wrench_from_shot(shot.force, shot.offset), shot)
+    assert "torque (0, 0, 0) N m: 0 m to the side, 0 m up" in text
+    assert "-0 " not in text.replace(",", " ").replace(")", " ")
 
 
 def event(kind: str, time: float, *balls: str) -> dict:

@@ -136,6 +136,16 @@ def test_force_and_offset_replace_the_shot_of_a_scene_file(tmp_path: Path) -> No
     assert_is_state_of(document, simulation, events)
 
 
+def test_a_shot_in_words_replaces_the_shot_of_a_scene_file(tmp_path: Path) -> None:
+    file = tmp_path / "draw.yaml"
+    file.write_text(DRAW_SHOT)
+    simulation = bs.Simulation(bs.load_scene(file))
+    simulation.shoot(2.0, 0.5 * np.pi, 0.3, -0.2)
+    events = simulation.run()
+    document = written_json(tmp_path, str(file), "--speed", "2", "--angle", "90deg", "--side", "0.3", "--up", "-0.2")
+    assert_is_state_of(document, simulation, events)
+
+
 def read_csv(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
@@ -259,6 +269,10 @@ REFUSED = [
     (("eight_ball", "--force", "nan", "0"), "force"),
     (("eight_ball", "--force", "80", "0", "--offset", "0.03", "0"), "offset"),
     (("eight_ball", "--offset", "0", "0"), "--offset", "--force"),
+    (("eight_ball", "--speed", "3"), "--speed", "--angle"),
+    (("eight_ball", "--speed", "3", "--angle", "1deg", "--force", "1", "0"), "--speed", "--force"),
+    (("eight_ball", "--speed", "1e9", "--angle", "1deg"), "speed must be", "1e+09"),
+    (("head_on", "--speed", "3", "--angle", "1deg"), "'cue'", "must rest"),
     (("head_on", "--json", "{tmp}"), "--json", "directory"),
     (("head_on", "--csv", "{tmp}/nowhere/out.csv"), "--csv", "nowhere"),
     (("head_on", "--json", "{tmp}/out", "--csv", "{tmp}/out"), "--csv", "{tmp}/out"),

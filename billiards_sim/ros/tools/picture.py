@@ -21,23 +21,23 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from billiards_sim.command_line import USAGE_ERROR, Parser
 from billiards_sim.engine import scenes
+from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import markers, messages
 from billiards_sim.ros.preview import predict
-from billiards_sim.ros.tools.aim import Aim
 from billiards_sim.ros.tools.rendering import View, draw
 
 CONFIGURATION = Path("config/table.rviz")
 """From the top of the repository."""
 
-BREAK = Aim(speed=8.0, angle=math.radians(0.6))
+BREAK = Aim(speed=8.0, azimuth=math.radians(0.6))
 """The break of the picture."""
 
 SHOWN_AFTER = 0.4
 """s from the shot to the upper picture."""
 
-PREVIEWED = Aim(speed=1.5, angle=math.radians(-37.0))
+PREVIEWED = Aim(speed=1.5, azimuth=math.radians(-37.0))
 """The shot that the lower picture asks for, once the break has come to rest."""
 
 RATE = 30.0
@@ -134,17 +134,15 @@ def preview_messages(scene: Scene, shot: Aim) -> Iterator[Sent]:
     """What the node publishes for a preview on a table at rest."""
     physics = scene.physics
     balls = markers.BallMarkers(scene.names, physics.radius, RATE)
-    preview = predict(Simulation(scene), shot.shot(physics.mass, physics.radius, physics.cue_contact_time))
+    preview = predict(Simulation(scene), shot.shot(physics))
     yield 0.0, "table_markers", markers.table_markers(scene.table, physics.radius, 0)
     yield 0.0, "markers", balls.update(scene.positions.tolist(), 0)
     yield 0.0, "preview", markers.preview_markers(preview, scene.names, physics.radius, 0)
 
 
 def _struck(scene: Scene, shot: Aim) -> Simulation:
-    physics = scene.physics
-    strike = shot.shot(physics.mass, physics.radius, physics.cue_contact_time)
     simulation = Simulation(scene)
-    simulation.strike(strike.force, strike.offset)
+    simulation.shoot(shot.speed, shot.azimuth, shot.side, shot.up)
     return simulation
 
 

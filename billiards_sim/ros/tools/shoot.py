@@ -18,12 +18,14 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 
-from billiards_sim.command_line import USAGE_ERROR, Parser, add_cue_options, positive_seconds
+from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.engine.aim import Aim
+from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros.process import StartError, Stopped, own_arguments, ros, stoppable
-from billiards_sim.ros.tools.aim import Aim, angle
 from billiards_sim.ros.tools.commentary import Commentary
 from billiards_sim.ros.wrench import wrench_from_shot
+from billiards_sim.shot_options import add_shot_options, shot_asked_for
 
 REFUSED = 1
 """Exit code of a shot that the table refused or did not answer."""
@@ -172,9 +174,9 @@ def main(arguments: list[str]) -> int:
     parser = _parser()
     try:
         options = parser.parse_args(own_arguments("shoot", arguments))
-        aim = _aim(parser, options)
+        asked = _asked_for(parser, options)
         with ros("shoot", arguments), stoppable():
-            return _play(options, aim)
+            return _play(options, asked)
     except StartError as error:
         print(f"shoot: {error}", file=sys.stderr)
         return USAGE_ERROR
@@ -187,21 +189,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> Parser:
     parser = Parser(prog="shoot", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
-    people = parser.add_argument_group("in people's words")
-    people.add_argument("--speed", type=float, metavar="V", help="speed of the cue ball, m/s")
-    people.add_argument(
-        "--angle", type=angle, metavar="A", help="with its unit, 12deg or 0.2rad, counter-clockwise from the x axis"
-    )
-    people.add_argument(
-        "--side", type=float, metavar="S", help="where the tip hits: to the left of the centre, in radii (0)"
-    )
-    people.add_argument("--up", type=float, metavar="U", help="above the centre, in radii (0); negative is draw")
-    robots = parser.add_argument_group("in the table's units")
-    add_cue_options(
-        robots,
-        force="force of the cue, N, in the frame of the table; 80 0 gives 5 m/s along x with the default physics",
-        offset="where the tip hits, m from the centre of the ball seen along the force: to the left and up (0 0)",
-    )
+    add_shot_options(parser)
     parser.add_argument("--ball", default=CUE_BALL, metavar="NAME", help=f"only {CUE_BALL}: the table shoots no other")
     parser.add_argument("--preview", action="store_true", help="only ask what the shot would do")
     parser.add_argument("--watch", action="store_true", help="print the collisions until every ball rests")
@@ -209,35 +197,25 @@ def _parser() -> Parser:
     return parser
 
 
-def _aim(parser: Parser, options: argparse.Namespace) -> Aim | None:
-    """What people asked for; None where they gave a force. A usage error ends the process."""
-    given = [name for name in ("speed", "angle", "side", "up") if getattr(options, name) is not None]
+def _asked_for(parser: Parser, options: argparse.Namespace) -> Aim | Shot:
+    """The shot that the options say. A usage error ends the process."""
     if options.ball != CUE_BALL:
         parser.error(f"--ball must be {CUE_BALL}, the ball that cue_shot shoots; got {options.ball}")
     if options.preview and options.watch:
         parser.error("--watch follows a shot, and --preview plays none: give one of them")
-    if given and (options.force or options.offset):
-        parser.error(f"--{given[0]} does not go with --force and --offset: give the one or the other")
-    if not given:
-        if options.force is None:
-            parser.error("give --speed and --angle, or --force")
-        return None
-    if options.speed is None or options.angle is None:
-        parser.error("--speed and --angle belong together: give both")
     try:
-        return Aim(options.speed, options.angle, options.side or 0.0, options.up or 0.0)
+        asked = shot_asked_for(options)
     except ValueError as error:
         parser.error(str(error))
+    if asked is None:
+        parser.error("give --speed and --angle, or --force")
+    return asked
 
 
-def _play(options: argparse.Namespace, aim: Aim | None) -> int:
+def _play(options: argparse.Namespace, asked: Aim | Shot) -> int:
     shooter = Shooter(options.timeout)
     try:
-        if aim is None:
-            fx, fy = options.force
-            shot = Shot((fx, fy, 0.0), options.offset or (0.0, 0.0))
-        else:
-            shot = aim.shot(*shooter.parameters("physics.mass", "physics.radius", "physics.cue_contact_time"))
+        shot = asked.shot(_physics(shooter)) if isinstance(asked, Aim) else asked
         message = wrench_from_shot(shot.force, shot.offset)
         print(f"shoot: {_describe(message, shot)}", flush=True)
         answer = shooter.preview(message) if options.preview else shooter.shoot(message)
@@ -257,13 +235,27 @@ def _play(options: argparse.Namespace, aim: Aim | None) -> int:
     return 0
 
 
+def _physics(shooter: Shooter) -> Physics:
+    # As far as a shot in words needs it: the table's.
+    names = ("mass", "radius", "cue_contact_time")
+    values = shooter.parameters(*(f"physics.{name}" for name in names))
+    try:
+        return Physics(**dict(zip(names, values, strict=True)))
+    except ValueError as error:
+        raise NoAnswer(f"the node 'table' is not a billiards table: {error}") from None
+
+
 def _describe(message: WrenchStamped, shot: Shot) -> str:
-    force, torque = message.wrench.force, message.wrench.torque
-    side, up = shot.offset
-    return (
-        f"force ({force.x:g}, {force.y:g}, {force.z:g}) N, torque ({torque.x:g}, {torque.y:g}, {torque.z:g}) N m: "
-        f"{side:g} m to the side, {up:g} m up"
+    force, torque = (
+        ", ".join(_written(part) for part in (vector.x, vector.y, vector.z))
+        for vector in (message.wrench.force, message.wrench.torque)
     )
+    side, up = map(_written, shot.offset)
+    return f"force ({force}) N, torque ({torque}) N m: {side} m to the side, {up} m up"
+
+
+def _written(number: float) -> str:
+    return f"{number + 0.0:g}"  # -0.0 + 0.0 is 0.0
 
 
 def _print_preview(answer: dict[str, Any]) -> None:

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The options of a shot, which `shoot` and `simulate` share."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+import pytest
+
+from billiards_sim.engine.aim import Aim
+from billiards_sim.engine.scene import Shot
+from billiards_sim.shot_options import add_shot_options, angle, shot_asked_for
+
+
+def asked(*arguments: str) -> Aim | Shot | None:
+    parser = argparse.ArgumentParser()
+    add_shot_options(parser)
+    return shot_asked_for(parser.parse_args(arguments))
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("12deg", math.pi / 15), ("-90deg", -math.pi / 2), ("0.2rad", 0.2), ("-1e-3rad", -1e-3)]
+)
+def test_an_angle_has_its_unit(text: str, value: float) -> None:
+    assert angle(text) == pytest.approx(value, abs=1e-15)
+
+
+@pytest.mark.parametrize("text", ["12", "deg", "12grad", "nandeg", "infrad", "12 degrees", ""])
+def test_an_angle_without_a_unit_is_refused(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="must be an angle with its unit"):
+        angle(text)
+
+
+def test_words_a_force_or_nothing() -> None:
+    assert asked("--speed", "3", "--angle", "90deg", "--up", "0.5") == Aim(3.0, 0.5 * math.pi, 0.0, 0.5)
+    assert asked("--force", "80", "1", "--offset", "0.01", "0") == Shot((80.0, 1.0, 0.0), (0.01, 0.0))
+    assert asked("--force", "80", "1") == Shot((80.0, 1.0, 0.0))
+    assert asked() is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("--speed", "3", "--angle", "1deg", "--force", "1", "0"), "--speed does not go with --force"),
+        (("--side", "0.1", "--offset", "0", "0"), "--side does not go with --force and --offset"),
+        (("--speed", "3"), "--speed and --angle belong together"),
+        (("--angle", "3deg"), "--speed and --angle belong together"),
+        (("--up", "0.1"), "--speed and --angle belong together"),
+        (("--offset", "0", "0"), "--offset needs --force"),
+        (("--speed", "nan", "--angle", "3deg"), "speed must be a finite number"),
+        (("--speed", "3", "--angle", "3deg", "--side", "1"), "together < 1 radius"),
+    ],
+)
+def test_half_a_shot_or_two_are_refused(arguments: tuple[str, ...], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        asked(*arguments)
