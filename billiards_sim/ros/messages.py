@@ -22,6 +22,9 @@ NANOSECONDS = 1_000_000_000
 COLLISION_VERSION = 1
 """Of the JSON on `collisions`; it changes when a key changes its meaning or goes."""
 
+ANSWER_VERSION = 2
+"""Of the JSON on `shot_result`, `placement_result` and `preview/result`; it changes as that of the collisions."""
+
 _STAMP = struct.Struct("=iI")
 """Seconds and nanoseconds of a serialized message, in the machine's own order of bytes as all of it is."""
 
@@ -54,7 +57,7 @@ def set_stamp(message: Time, stamp: int) -> None:
     message.sec, message.nanosec = divmod(stamp, NANOSECONDS)
 
 
-def stamp_of(message: WrenchStamped) -> tuple[int, int]:
+def stamp_of(message: WrenchStamped | PoseArray) -> tuple[int, int]:
     """(sec, nanosec) of a message's header."""
     return message.header.stamp.sec, message.header.stamp.nanosec
 
@@ -160,6 +163,19 @@ def collision_record(event: Event, stamp: int, radius: float) -> dict[str, Any]:
     }
 
 
-def verdict_json(accepted: bool, reason: str, time: float) -> str:
-    """The table's answer at a simulated time (s), as JSON for `shot_result` and `placement_result`."""
-    return json.dumps({"accepted": accepted, "reason": reason, "time": time})
+def answer_record(reason: str, time: float, request: tuple[int, int]) -> dict[str, Any]:
+    """The table's answer to a request, for JSON.
+
+    Args:
+        reason: of a refusal; empty where the request is accepted.
+        time: simulated, s.
+        request: (sec, nanosec), the stamp of the message that asked.
+    """
+    sec, nanosec = request
+    return {
+        "version": ANSWER_VERSION,
+        "accepted": not reason,
+        "reason": reason,
+        "time": time,
+        "request": {"sec": sec, "nanosec": nanosec},
+    }

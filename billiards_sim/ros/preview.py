@@ -10,10 +10,7 @@ from dataclasses import dataclass
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.scene import Shot
 from billiards_sim.engine.simulation import Simulation
-from billiards_sim.ros.messages import Stamps, collision_record
-
-PREVIEW_VERSION = 1
-"""Of the JSON on `preview/result`; it changes when a key changes its meaning or goes."""
+from billiards_sim.ros.messages import Stamps, answer_record, collision_record
 
 SLICE = 0.05
 """s of simulated time between the points of a path at the start, beside those of the events: a ball that slides after
@@ -92,28 +89,12 @@ def preview_json(
         stamps: of simulated times.
         request: (sec, nanosec), the stamp of the message that asked.
     """
-    answer = _answer(True, "", preview.start, request)
+    answer = answer_record("", preview.start, request)
     answer["complete"] = preview.complete
     answer["duration"] = preview.end - preview.start
     answer["final_positions"] = dict(zip(names, preview.final_positions))
     answer["events"] = [collision_record(event, stamps.at(event.time), radius) for event in preview.events]
     return json.dumps(answer)
-
-
-def refusal_json(reason: str, time: float, request: tuple[int, int]) -> str:
-    """The answer to a shot that cannot be, at a simulated time (s), as JSON for `preview/result`."""
-    return json.dumps(_answer(False, reason, time, request))
-
-
-def _answer(accepted: bool, reason: str, time: float, request: tuple[int, int]) -> dict[str, object]:
-    sec, nanosec = request
-    return {
-        "version": PREVIEW_VERSION,
-        "accepted": accepted,
-        "reason": reason,
-        "time": time,
-        "request": {"sec": sec, "nanosec": nanosec},
-    }
 
 
 def _extend(paths: list[list[tuple[float, float]]], simulation: Simulation) -> None:

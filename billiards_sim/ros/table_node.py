@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import gc
+import json
 import os
 import sys
 import threading
@@ -37,7 +38,7 @@ from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
-from billiards_sim.ros.preview import Preview, predict, preview_json, refusal_json
+from billiards_sim.ros.preview import Preview, predict, preview_json
 from billiards_sim.ros.process import (
     StartError,
     Stopped,
@@ -211,10 +212,10 @@ class TableNode(Node):
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
             self._log_refusal("shot", error)
-            self._answer(self._shot_result_publisher, False, _reason(error))
+            self._answer(self._shot_result_publisher, message, _reason(error))
             return
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
-        self._answer(self._shot_result_publisher, True)
+        self._answer(self._shot_result_publisher, message)
         self._publisher.at_rest(self._simulation)
 
     @between_ticks
@@ -223,10 +224,7 @@ class TableNode(Node):
             self._previews.append(message)
         else:
             reason = f"{MOST_PREVIEWS} previews wait already, one a tick is answered"
-            self._preview_result_publisher.publish(String(data=self._preview_refusal(message, reason)))
-
-    def _preview_refusal(self, message: WrenchStamped, reason: str) -> str:
-        return refusal_json(reason, self._simulation.time, messages.stamp_of(message))
+            self._answer(self._preview_result_publisher, message, reason)
 
     def _preview(self, message: WrenchStamped) -> None:
         scene = self._scene
@@ -237,10 +235,10 @@ class TableNode(Node):
             preview = predict(self._simulation, shot)
         except (ValueError, StallError) as error:
             preview = None
-            text = self._preview_refusal(message, _reason(error))
+            self._answer(self._preview_result_publisher, message, _reason(error))
         else:
             text = preview_json(preview, scene.names, scene.physics.radius, self._stamps, messages.stamp_of(message))
-        self._preview_result_publisher.publish(String(data=text))
+            self._preview_result_publisher.publish(String(data=text))
         if self._preview_publisher.get_subscription_count() > 0:
             drawing = markers.preview_markers(preview, scene.names, scene.physics.radius, self._stamp())
             self._preview_publisher.publish(drawing)
@@ -253,11 +251,11 @@ class TableNode(Node):
             self._simulation = self._resting(self._scene, positions, np.zeros((len(self._scene), 3)))
         except ValueError as error:
             self._log_refusal("placement", error)
-            self._answer(self._placement_result_publisher, False, _reason(error))
+            self._answer(self._placement_result_publisher, message, _reason(error))
             return
         self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
         self._publisher.jump()
-        self._answer(self._placement_result_publisher, True)
+        self._answer(self._placement_result_publisher, message)
 
     def _check_at_rest(self, before: str) -> None:
         if self._simulation.at_rest:
@@ -380,8 +378,9 @@ class TableNode(Node):
         self._next_logs[what] = now + LOG_PERIOD
         return True
 
-    def _answer(self, publisher: Publisher, accepted: bool, reason: str = "") -> None:
-        publisher.publish(String(data=messages.verdict_json(accepted, reason, self._simulation.time)))
+    def _answer(self, publisher: Publisher, request: WrenchStamped | PoseArray, reason: str = "") -> None:
+        answer = messages.answer_record(reason, self._simulation.time, messages.stamp_of(request))
+        publisher.publish(String(data=json.dumps(answer)))
 
     def _stamp(self) -> int:
         return self._stamps.at(self._simulation.time)

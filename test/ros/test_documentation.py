@@ -72,5 +72,5 @@ def test_the_recipe_in_python_shoots(site: Site) -> None:
     player = site.process("-c", recipe.partition("```")[0], command=[sys.executable])
     assert player.wait() == 0, player.stderr
     verdict, rest = player.stdout.splitlines()
-    assert verdict.startswith("{'accepted': True, 'reason': '', 'time': ")
+    assert verdict.startswith("{'version': 2, 'accepted': True, 'reason': '', 'time': ")
     assert rest == "at rest"

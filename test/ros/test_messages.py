@@ -100,6 +100,11 @@ def test_collision_json_says_everything_and_keeps_every_digit() -> None:
 
 
 @pytest.mark.parametrize(("accepted", "reason"), [(True, ""), (False, 'ball "cue" moves')])
-def test_verdict_json(accepted: bool, reason: str) -> None:
-    read = json.loads(messages.verdict_json(accepted, reason, 0.1))
-    assert read == {"accepted": accepted, "reason": reason, "time": 0.1}
+def test_an_answer_names_the_request(accepted: bool, reason: str) -> None:
+    assert messages.answer_record(reason, 0.1, (7, 8)) == {
+        "version": 2,
+        "accepted": accepted,
+        "reason": reason,
+        "time": 0.1,
+        "request": {"sec": 7, "nanosec": 8},
+    }

@@ -3,15 +3,20 @@
 
 import math
 import re
+from collections.abc import Callable, Iterator
 
 import pytest
+import rclpy
 from conftest import Site
+from geometry_msgs.msg import WrenchStamped
 from process import Client, positions
+from rclpy.node import Node
+from std_msgs.msg import String
 
 import billiards_sim as bs
 from billiards_sim.engine.aim import Aim
 from billiards_sim.ros.tools.commentary import Commentary
-from billiards_sim.ros.tools.shoot import _describe
+from billiards_sim.ros.tools.shoot import NoAnswer, Shooter, _describe
 from billiards_sim.ros.wrench import wrench_from_shot
 
 
@@ -115,3 +120,63 @@ def test_watching_ends_when_the_table_goes(site: Site) -> None:
     table.close()
     assert shoot.wait() == 1
     assert "the table went away before the balls came to rest" in shoot.stderr
+
+
+@pytest.mark.parametrize(
+    ("table", "shoot"),
+    [(("-r", "__node:=snooker"), ()), (("-r", "__ns:=/club/left", "-r", "__node:=pool"), ("-r", "__ns:=/club/left"))],
+)
+def test_shoot_finds_the_table_whatever_its_name(site: Site, table: tuple, shoot: tuple) -> None:
+    site.process("table", "--ros-args", "-p", "physics.mass:=0.2", *table).wait_for("ready: ")
+    process = site.process("shoot", "--speed", "3", "--angle", "0deg", "--ros-args", *shoot)
+    assert process.wait() == 0, process.stderr
+    assert "force (60, 0, 0) N" in process.stdout  # of 0.2 kg for 0.01 s
+
+
+@pytest.fixture
+def nodes() -> Iterator[Callable[[str], Node]]:
+    """Makes nodes in this process, which know of each other at once."""
+    rclpy.init()
+    made = []
+
+    def make(name: str) -> Node:
+        made.append(rclpy.create_node(name))
+        return made[-1]
+
+    yield make
+    for node in made:
+        node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_shoot_names_the_tables_where_it_cannot_choose(nodes: Callable[[str], Node]) -> None:
+    for name in ("left", "right"):
+        node = nodes(name)
+        node.create_subscription(WrenchStamped, "cue_shot", print, 10)
+        node.create_publisher(String, "shot_result", 10)
+    nodes("recorder").create_subscription(WrenchStamped, "cue_shot", print, 10)
+    nodes("player").create_publisher(String, "shot_result", 10)
+    shooter = Shooter(timeout=5.0)
+    with pytest.raises(NoAnswer, match="^2 tables listen on /cue_shot, /left, /right: give each a namespace$"):
+        shooter.parameters("physics.mass")
+    shooter.destroy_node()
+
+
+def test_shoot_waits_for_rest_and_shoots(client: Client, shared_site: Site) -> None:
+    client.reset()
+    client.pause(True)
+    first = shared_site.process("shoot", "--speed", "5", "--angle", "90deg")
+    assert first.wait() == 0, first.stderr
+    refused = shared_site.process("shoot", "--speed", "5", "--angle", "90deg", "--wait", "0.01")
+    assert refused.wait() == 1
+    assert "shoot: balls move; waiting up to 0.01 s for all to rest\n" in refused.stdout
+    assert "shoot: balls still moved after 0.01 s\n" in refused.stderr
+    second = shared_site.process("shoot", "--speed", "5", "--angle", "90deg", "--wait", "--watch")
+    second.wait_for("shoot: balls move; waiting up to 60 s for all to rest\n")
+    client.pause(False)
+    assert second.wait() == 0, second.stderr
+    assert "the cue hits ball cue" in second.stdout
+    assert re.search(r"at rest after \d\d?\.\d+ s", second.stdout)
+    third = shared_site.process("shoot", "--speed", "5", "--angle", "90deg", "--wait", "--preview")
+    assert third.wait() == 0, third.stderr
+    assert "waiting" not in third.stdout

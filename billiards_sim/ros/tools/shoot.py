@@ -30,6 +30,9 @@ from billiards_sim.shot_options import add_shot_options, shot_asked_for
 REFUSED = 1
 """Exit code of a shot that the table refused or did not answer."""
 
+LONGEST_REST = 60.0
+"""s that --wait waits by default; with the paper's constants no shot that a person plays goes on for half as long."""
+
 LAST_EVENTS = 1.0
 """s that events have to arrive once the table rests: after a reset the missing ones never come."""
 
@@ -38,8 +41,7 @@ CUE_BALL = "cue"
 
 DESCRIPTION = """Publish one cue shot on cue_shot, wait for the table's verdict on shot_result and print it.
 Say it as --speed and --angle, or as --force.
-Exit code 0: accepted; 1: refused, no answer, or stopped; 2: bad arguments.
-The verdict taken is the first after the shot: with several players at one table it may be another's."""
+Exit code 0: accepted; 1: refused, no answer, or stopped; 2: bad arguments."""
 
 
 class NoAnswer(Exception):
@@ -55,6 +57,7 @@ class Shooter(Node):
 
     def __init__(self, timeout: float) -> None:
         super().__init__("shoot")
+        self._timeout = timeout
         self._deadline = time.monotonic() + timeout
         self._answer: dict[str, Any] | None = None
         self._request: dict[str, int] | None = None
@@ -65,42 +68,59 @@ class Shooter(Node):
         self._executor.add_node(self)
         # In this order: a table announces its latched at_rest only to a subscriber it knows, and learns of the
         # subscriptions of a process in the order of their making. So once at_rest is here, the answers will be.
-        self.create_subscription(String, "shot_result", self._on_shot_result, 10)
-        self.create_subscription(String, "preview/result", self._on_preview_result, 100)
+        self.create_subscription(String, "shot_result", self._on_answer, 100)
+        self.create_subscription(String, "preview/result", self._on_answer, 100)
         self.create_subscription(String, "collisions", self._on_collision, 1000)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
         self._shots = self.create_publisher(WrenchStamped, "cue_shot", 10)
         self._previews = self.create_publisher(WrenchStamped, "cue_shot/preview", 10)
-        self._parameters = AsyncParameterClient(self, "table")
 
     def parameters(self, *names: str) -> list[float]:
         """Values of the table's parameters.
 
         Raises:
-            NoAnswer: no table, or no answer in time.
+            NoAnswer: no table or several, or no answer in time.
         """
-        missing = f"no table listens on {self._shots.topic_name}"
-        self._spin_until(self._parameters.services_are_ready, missing)
-        future = self._parameters.get_parameters(list(names))
-        self._spin_until(future.done, f"the table on {self._shots.topic_name} did not tell its parameters")
+        topic = self._shots.topic_name
+        self._spin_until(self._tables, f"no table listens on {topic}")
+        tables = sorted(self._tables())
+        if len(tables) > 1:
+            raise NoAnswer(f"{len(tables)} tables listen on {topic}, {', '.join(tables)}: give each a namespace")
+        client = AsyncParameterClient(self, tables[0])
+        missing = f"the table on {topic}, node {tables[0]}, did not tell its parameters"
+        self._spin_until(client.services_are_ready, missing)
+        future = client.get_parameters(list(names))
+        self._spin_until(future.done, missing)
         values = future.result().values
         if len(values) != len(names):
-            raise NoAnswer(f"the node 'table' has no parameters {', '.join(names)}: it is not a billiards table")
+            raise NoAnswer(f"node {tables[0]} has no parameters {', '.join(names)}: it is not a billiards table")
         return [float(value.double_value) for value in values]
 
+    def wait_for_rest(self, longest: float) -> None:
+        """Wait until every ball rests, s at most; that time does not count for the timeout.
+
+        Raises:
+            NoAnswer: no table in time, or balls that move on.
+        """
+        self._wait_for_table(self._shots)
+        if self._at_rest:
+            return
+        print(f"shoot: balls move; waiting up to {longest:g} s for all to rest", flush=True)
+        began = time.monotonic()
+        self._spin(lambda: self._at_rest, began + longest, f"balls still moved after {longest:g} s")
+        self._deadline += time.monotonic() - began
+
     def shoot(self, message: WrenchStamped) -> dict[str, Any]:
-        """Publish the shot; returns the verdict {"accepted", "reason", "time"}.
+        """Publish the shot; returns the JSON of `shot_result`.
 
         Raises:
             NoAnswer: no table, or no verdict, in time.
         """
         self._wait_for_table(self._shots)
-        self._answer = None  # of somebody's earlier shot
         self._events.clear()
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._shots.publish(message)
-        return self._wait_for_answer(self._shots)
+        self._has_moved = False
+        return self._ask(self._shots, message)
 
     def preview(self, message: WrenchStamped) -> dict[str, Any]:
         """Ask what the shot would do; returns the JSON of `preview/result`.
@@ -109,10 +129,7 @@ class Shooter(Node):
             NoAnswer: no table, or no answer, in time.
         """
         self._wait_for_table(self._previews)
-        message.header.stamp = stamp = self.get_clock().now().to_msg()
-        self._request = {"sec": stamp.sec, "nanosec": stamp.nanosec}
-        self._previews.publish(message)
-        return self._wait_for_answer(self._previews)
+        return self._ask(self._previews, message)
 
     def watch(self, commentary: Commentary) -> None:
         """Print the events of an accepted shot until every ball rests, however long that takes.
@@ -140,25 +157,36 @@ class Shooter(Node):
 
         self._spin_until(listens, f"no table listens on {publisher.topic_name}")
 
-    def _wait_for_answer(self, publisher: Any) -> dict[str, Any]:
+    def _tables(self) -> set[str]:
+        # Nodes that take shots and answer: a recorder does only the one, a player of its records only the other.
+        takers = self.get_subscriptions_info_by_topic("cue_shot")
+        answerers = self.get_publishers_info_by_topic("shot_result")
+        named = set(self.get_node_names_and_namespaces())  # an end is known before the name of its node
+        for ends in (takers, answerers):
+            named &= {(end.node_name, end.node_namespace) for end in ends}
+        return {f"{namespace.rstrip('/')}/{name}" for name, namespace in named}
+
+    def _ask(self, publisher: Any, message: WrenchStamped) -> dict[str, Any]:
+        message.header.stamp = stamp = self.get_clock().now().to_msg()
+        self._request = {"sec": stamp.sec, "nanosec": stamp.nanosec}
+        publisher.publish(message)
         self._spin_until(lambda: self._answer is not None, f"the table on {publisher.topic_name} did not answer")
         assert self._answer is not None
         return self._answer
 
-    def _spin_until(self, done: Callable[[], bool], missing: str) -> None:
+    def _spin_until(self, done: Callable[[], object], missing: str) -> None:
+        self._spin(done, self._deadline, f"{missing} within {self._timeout:g} s")
+
+    def _spin(self, done: Callable[[], object], deadline: float, missing: str) -> None:
         while not done():
-            left = self._deadline - time.monotonic()
+            left = deadline - time.monotonic()
             if left <= 0.0:
                 raise NoAnswer(missing)
             self._executor.spin_once(timeout_sec=min(left, 0.1))  # a matched subscription does not wake the executor
 
-    def _on_shot_result(self, message: String) -> None:
-        if self._answer is None and self._request is None:
-            self._answer = json.loads(message.data)
-
-    def _on_preview_result(self, message: String) -> None:
+    def _on_answer(self, message: String) -> None:
         answer = json.loads(message.data)
-        if self._request is not None and answer["request"] == self._request:
+        if answer["request"] == self._request:
             self._answer = answer
 
     def _on_collision(self, message: String) -> None:
@@ -193,6 +221,14 @@ def _parser() -> Parser:
     parser.add_argument("--ball", default=CUE_BALL, metavar="NAME", help=f"only {CUE_BALL}: the table shoots no other")
     parser.add_argument("--preview", action="store_true", help="only ask what the shot would do")
     parser.add_argument("--watch", action="store_true", help="print the collisions until every ball rests")
+    parser.add_argument(
+        "--wait",
+        type=positive_seconds,
+        nargs="?",
+        const=LONGEST_REST,
+        metavar="S",
+        help=f"wait until every ball rests before the shot, S s at most ({LONGEST_REST:g})",
+    )
     parser.add_argument("--timeout", type=positive_seconds, default=10.0, metavar="S", help="longest wait, s (10)")
     return parser
 
@@ -214,13 +250,12 @@ def _asked_for(parser: Parser, options: argparse.Namespace) -> Aim | Shot:
 
 def _play(options: argparse.Namespace, asked: Aim | Shot) -> int:
     shooter = Shooter(options.timeout)
-    try:
-        shot = asked.shot(_physics(shooter)) if isinstance(asked, Aim) else asked
-        message = wrench_from_shot(shot.force, shot.offset)
-        print(f"shoot: {_describe(message, shot)}", flush=True)
-        answer = shooter.preview(message) if options.preview else shooter.shoot(message)
-    except NoAnswer as error:
-        raise NoAnswer(f"{error} within {options.timeout:g} s") from None
+    shot = asked.shot(_physics(shooter)) if isinstance(asked, Aim) else asked
+    message = wrench_from_shot(shot.force, shot.offset)
+    print(f"shoot: {_describe(message, shot)}", flush=True)
+    if options.wait is not None:
+        shooter.wait_for_rest(options.wait)
+    answer = shooter.preview(message) if options.preview else shooter.shoot(message)
     if not answer["accepted"]:
         print(f"shoot: refused: {answer['reason']}", flush=True)
         return REFUSED
@@ -242,7 +277,7 @@ def _physics(shooter: Shooter) -> Physics:
     try:
         return Physics(**dict(zip(names, values, strict=True)))
     except ValueError as error:
-        raise NoAnswer(f"the node 'table' is not a billiards table: {error}") from None
+        raise NoAnswer(f"what listens on cue_shot is not a billiards table: {error}") from None
 
 
 def _describe(message: WrenchStamped, shot: Shot) -> str:
