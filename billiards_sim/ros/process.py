@@ -29,9 +29,12 @@ FASTDDS_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 LAST_DOMAIN = 101
 """ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
 
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""What a terminal, a supervisor, a closed window and an impatient user send."""
+
 
 class Stopped(Exception):
-    """SIGINT or SIGTERM came."""
+    """A signal came that ends the process."""
 
 
 class StartError(ValueError):
@@ -90,15 +93,32 @@ def stoppable() -> Iterator[None]:
         raise Stopped from None
 
 
+@contextmanager
+def noted_signals() -> Iterator[list[int]]:
+    """The signals of `STOPPING` that have come, in a list that grows; they interrupt nothing.
+
+    For whoever starts processes, and looks at the list between its steps: an exception in the middle of a start would
+    leave the new process to itself. What is ignored already (by nohup) stays so.
+    """
+    came: list[int] = []
+    for number in STOPPING:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda given, _: came.append(given))
+    yield came
+
+
 def shut_out_signals() -> None:
-    """From here on the process ends by itself; a second SIGINT or SIGTERM must not disturb it."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    """From here on the process ends by itself; a second signal must not disturb it."""
+    for number in STOPPING:
         signal.signal(number, signal.SIG_IGN)
 
 
 def isolate(environment: MutableMapping[str, str]) -> None:
-    """Keep traffic on this machine, in a domain of its own unless the user names one."""
-    environment.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % LAST_DOMAIN))
+    """Keep traffic on this machine, and in a domain that is not the user's."""
+    domain = 1 + os.getpid() % LAST_DOMAIN
+    if environment.get("ROS_DOMAIN_ID") == str(domain):
+        domain = 1 + domain % LAST_DOMAIN
+    environment["ROS_DOMAIN_ID"] = str(domain)
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
@@ -116,11 +136,11 @@ def end_group(process: subprocess.Popen[bytes], grace: float = GRACE) -> None:
     """End a process, which leads a group of its own, and all of that group, unless it has ended itself.
 
     Args:
-        grace: s from SIGINT to SIGKILL.
+        grace: s from SIGTERM to SIGKILL. SIGTERM, since a Python that has just started answers SIGINT with a traceback.
     """
     if process.poll() is not None:
         return
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, signal.SIGTERM)
     try:
         process.wait(grace)
     except subprocess.TimeoutExpired:

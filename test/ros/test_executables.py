@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executables as processes: arguments, exit codes, signals."""
 
+import os
 import signal
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -9,7 +11,16 @@ from conftest import Site
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 
-from billiards_sim.ros.process import FASTDDS_PROFILES, FASTDDS_VARIABLES, announce_often
+from billiards_sim.ros.process import (
+    FASTDDS_PROFILES,
+    FASTDDS_VARIABLES,
+    LAST_DOMAIN,
+    STOPPING,
+    Child,
+    announce_often,
+    isolate,
+    noted_signals,
+)
 from billiards_sim.ros.wrench import wrench_from_shot
 
 ROS_EXECUTABLES = ("table", "shoot", "demo")
@@ -170,10 +181,54 @@ def test_demo_breaks_a_rack(site: Site) -> None:
     assert float(lines["largest overlap"].split()[0]) <= 1e-9
 
 
-def test_an_interrupted_demo_takes_its_children_along(site: Site) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize("when", ["starting a table", "ready: "])
+def test_an_interrupted_demo_takes_its_children_along(site: Site, number: int, when: str) -> None:
     demo = site.process("demo")
-    demo.wait_for("ready: ")
-    demo.signal(signal.SIGINT)
+    demo.wait_for(when)
+    demo.signal(number)
     # The table holds the demo's stderr open: reading to its end waits for the table, too.
     assert demo.wait() == 1
     assert "demo: stopped" in demo.stderr
+    assert "Traceback" not in demo.stderr
+
+
+def test_a_signal_in_the_middle_of_a_start_leaves_no_child_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    start = subprocess.Popen
+
+    def start_and_signal(*given: object, **options: object) -> subprocess.Popen:
+        child = start(*given, **options)
+        os.kill(os.getpid(), signal.SIGINT)
+        return child
+
+    monkeypatch.setattr(subprocess, "Popen", start_and_signal)
+    before = {number: signal.getsignal(number) for number in STOPPING}
+    try:
+        with noted_signals() as came:
+            assert came == []
+            with Child("table") as child:
+                assert came == [signal.SIGINT]
+                assert child.exit_code is None
+            assert child.exit_code is not None
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def test_demo_leaves_a_table_in_the_users_domain_alone(site: Site) -> None:
+    site.table()
+    client = site.client()
+    demo = site.process("demo", environment={"ROS_DOMAIN_ID": str(site.domain)})
+    assert demo.wait() == 0, demo.stderr
+    client.fresh_poses()
+    assert (client.results, client.at_rest) == ([], [True])
+
+
+def test_a_domain_of_ones_own_is_not_the_users() -> None:
+    environment: dict[str, str] = {}
+    isolate(environment)
+    own = environment["ROS_DOMAIN_ID"]
+    isolate(environment)
+    assert environment["ROS_DOMAIN_ID"] != own
+    assert 1 <= int(own) <= LAST_DOMAIN
+    assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= LAST_DOMAIN

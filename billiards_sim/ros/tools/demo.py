@@ -8,7 +8,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from geometry_msgs.msg import PoseArray
 from rclpy.executors import SingleThreadedExecutor
@@ -16,7 +16,7 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
-from billiards_sim.ros.process import Child, StartError, Stopped, isolate, own_arguments, ros, stoppable
+from billiards_sim.ros.process import Child, StartError, Stopped, isolate, noted_signals, own_arguments, ros
 from billiards_sim.ros.state_publisher import LATCHED
 from billiards_sim.ros.tools.commentary import Commentary
 
@@ -82,15 +82,15 @@ def main(arguments: list[str]) -> int:
     parser = Parser(
         prog="demo",
         description="Start a table with an eight-ball rack, break it from a second process over ROS 2, print the "
-        "collisions as the table publishes them and a summary. Takes about 15 s. "
+        "collisions as the table publishes them and a summary, in a ROS domain of their own. Takes about 15 s. "
         "Exit code 0: the break came to rest; 1: something failed; 2: bad arguments.",
     )
     parser.add_argument("--timeout", type=positive_seconds, default=120.0, metavar="S", help="longest run, s (120)")
     isolate(os.environ)
     try:
         options = parser.parse_args(own_arguments("demo", arguments))
-        with ros("demo", arguments), stoppable():
-            _play(options.timeout)
+        with noted_signals() as signals, ros("demo", arguments):
+            _play(options.timeout, signals)
     except StartError as error:
         print(f"demo: {error}", file=sys.stderr)
         return USAGE_ERROR
@@ -103,7 +103,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _play(timeout: float) -> None:
+def _play(timeout: float, signals: Sequence[int]) -> None:
     deadline = time.monotonic() + timeout
     spectator = Spectator()
     executor = SingleThreadedExecutor()
@@ -113,6 +113,8 @@ def _play(timeout: float) -> None:
 
         def watch(done: Callable[[], bool], missing: str, shooter: Child | None = None) -> None:
             while not done():
+                if signals:
+                    raise Stopped
                 if table.exit_code is not None:
                     raise DemoError(f"the table ended with exit code {table.exit_code}")
                 if shooter is not None and shooter.exit_code not in (None, 0):
