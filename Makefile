@@ -11,6 +11,9 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
 
+# Test files run in as many processes as there are cores; the tests of a file share what it sets up.
+SIDE_BY_SIDE := --numprocesses=auto --maxprocesses=4 --dist=loadfile
+
 # A sourced ROS installation must not mix with the wheels in .venv.
 unexport PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION
 
@@ -27,9 +30,9 @@ test: $(VENV)/.installed-test
 	@echo "== mypy"
 	@$(RUN) -m mypy
 	@echo "== pytest: the engine, interpreted"
-	@NUMBA_DISABLE_JIT=1 $(RUN) -m pytest -q test/engine
+	@NUMBA_DISABLE_JIT=1 $(RUN) -m pytest -q $(SIDE_BY_SIDE) test/engine
 	@echo "== pytest: everything, the engine compiled"
-	@$(RUN) -m pytest -q
+	@$(RUN) -m pytest -q $(SIDE_BY_SIDE) --durations=10
 
 soak: $(VENV)/.installed-test
 	@$(RUN) test/engine/soak.py

@@ -45,6 +45,7 @@ setup(
             *FAST,
             *PLOT,
             "pytest",
+            "pytest-xdist",
             "hypothesis",
             "scipy",
             "mpmath>=1.4",

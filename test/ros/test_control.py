@@ -141,6 +141,7 @@ def test_two_tables_in_namespaces_do_not_hear_each_other(site: Site) -> None:
     assert len(left.results) == 1
     assert left.reset().success
     left.spin_until(lambda: left.at_rest[-1] is True)
+    right.spin_until(lambda: right.at_rest[1:])
     assert right.at_rest[1] is False
     assert positions(right.next_poses()[0]) != positions(first)
 
