@@ -7,6 +7,7 @@ The names below are the engine; importing them needs NumPy alone. The node is in
 from billiards_sim.engine import scenes
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.record import Run, record
 from billiards_sim.engine.scene import Scene, Shot, load_scene, save_scene
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.engine.table import Table
@@ -14,12 +15,14 @@ from billiards_sim.engine.table import Table
 __all__ = [
     "Event",
     "Physics",
+    "Run",
     "Scene",
     "Shot",
     "Simulation",
     "StallError",
     "Table",
     "load_scene",
+    "record",
     "save_scene",
     "scenes",
 ]

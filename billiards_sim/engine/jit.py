@@ -70,6 +70,11 @@ def copy_rows(table: Any) -> Any:
     return join_rows([table])
 
 
+def take_rows(table: Any, indices: NDArray[np.intp]) -> Any:
+    """Copies of the records with these indices, (rows,), which may repeat."""
+    return table[indices] if COMPILED else [copy(table[index]) for index in indices.tolist()]
+
+
 def as_tuple(record: Any) -> tuple[Any, ...]:
     """The values of a record as Python numbers."""
     return record.item() if COMPILED else astuple(record)

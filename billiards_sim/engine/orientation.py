@@ -17,8 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from billiards_sim.engine.jit import entry, kernel
-from billiards_sim.engine.loop import PAUSED, run_until
-from billiards_sim.engine.state import Constants, State
+from billiards_sim.engine.state import State
 
 MOST_TURN = 0.1
 """rad. Largest turn in a step where the axis of rotation turns too."""
@@ -43,18 +42,11 @@ class Turn:
     qw: float = 0.0
 
 
-@entry
-def run_turning(state: State, turns: Sequence[Turn], constants: Constants, until: float, batch: int) -> int:
-    """What `run_until` does, with orientations that follow every ball's motion."""
-    run_until(state, constants, until, 0)
-    _follow(state, turns)
-    for _ in range(batch):
-        passes = state.clock[0].passes
-        status = run_until(state, constants, until, 1)
-        _follow(state, turns)
-        if status != PAUSED or state.clock[0].passes == passes:
-            return status
-    return PAUSED
+@dataclass(slots=True)
+class End:
+    """When a turn ends."""
+
+    time: float = 0.0  # s
 
 
 @entry
@@ -64,8 +56,32 @@ def turn_all(turns: Sequence[Turn], time: float) -> None:
         _turn_to(turns[i], time)
 
 
+@entry
+def turn_along(turns: Sequence[Turn], scratch: Sequence[Turn]) -> None:
+    """Carry the orientation of the first through the others: one ball's turns, one for each stretch of its motion.
+
+    `scratch` is a row to work in.
+    """
+    turn = scratch[0]
+    for k in range(1, len(turns)):
+        _copy(turns[k - 1], turn)
+        _turn_to(turn, turns[k].time)
+        turns[k].qx = turn.qx
+        turns[k].qy = turn.qy
+        turns[k].qz = turn.qz
+        turns[k].qw = turn.qw
+
+
+@entry
+def turn_each(turns: Sequence[Turn], ends: Sequence[End]) -> None:
+    """Turn each on to its own end."""
+    for k in range(len(turns)):
+        _turn_to(turns[k], ends[k].time)
+
+
 @kernel
-def _follow(state: State, turns: Sequence[Turn]) -> None:
+def follow(state: State, turns: Sequence[Turn]) -> None:
+    """Turn every ball on to where its present motion began, and take that over."""
     for i in range(len(turns)):
         ball = state.balls[i]
         turn = turns[i]
@@ -75,6 +91,20 @@ def _follow(state: State, turns: Sequence[Turn]) -> None:
         turn.wz = ball.wz
         turn.alpha_x = ball.alpha_x
         turn.alpha_y = ball.alpha_y
+
+
+@kernel
+def _copy(turn: Turn, to: Turn) -> None:
+    to.time = turn.time
+    to.wx = turn.wx
+    to.wy = turn.wy
+    to.wz = turn.wz
+    to.alpha_x = turn.alpha_x
+    to.alpha_y = turn.alpha_y
+    to.qx = turn.qx
+    to.qy = turn.qy
+    to.qz = turn.qz
+    to.qw = turn.qw
 
 
 @kernel

@@ -21,7 +21,7 @@ from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
 from billiards_sim.engine.jit import as_tuple, columns, copy_rows, join_rows, rows, set_columns
 from billiards_sim.engine.loop import CONTACTS_PER_BALL, PAUSED, run_until
-from billiards_sim.engine.orientation import Turn, run_turning, turn_all
+from billiards_sim.engine.orientation import Turn, turn_all
 from billiards_sim.engine.scene import Scene, Shot, save_scene
 from billiards_sim.engine.state import (
     AT_REST,
@@ -39,6 +39,7 @@ from billiards_sim.engine.state import (
     State,
     constants,
 )
+from billiards_sim.engine.trajectory import Recorder, blank_tape, run_followed
 
 BATCH = 100_000
 """Passes of the event loop between two looks at the progress of the clock."""
@@ -345,10 +346,11 @@ class Simulation:
         self._time, self._time_rest = until, rest
         return events
 
-    def run(self, until: float | None = None) -> EventLog:
+    def run(self, until: float | None = None, recorder: Recorder | None = None) -> EventLog:
         """Go on until every ball rests, or until a time, s; returns the events.
 
-        Without `until` the clock stops at the last event.
+        Without `until` the clock stops at the last event. A recorder takes down how every ball moves; `record` makes
+        use of it.
 
         Raises:
             ValueError: `until` is not finite or has passed; or, without it, there is no friction to bring the balls
@@ -361,12 +363,12 @@ class Simulation:
                     f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                     f"{physics.rolling_friction:g}: give run() a time `until`"
                 )
-            events = self._run_until(INF)
+            events = self._run_until(INF, recorder)
             self._time = max(self._time, self._state.clock[0].now)
         else:
             if not (math.isfinite(until) and until >= self._time):
                 raise ValueError(f"until must be a finite time >= now, {self._time:.9g} s, got {until!r}")
-            events = self._run_until(until)
+            events = self._run_until(until, recorder)
             self._time = float(until)
         self._time_rest = 0.0
         return events
@@ -409,17 +411,21 @@ class Simulation:
                 way = min(way, contact_time(px, py, *struck.displacement, 0.0, 0.0, 1.0, diameter, 0.0))
         return way
 
-    def _run_until(self, until: float) -> EventLog:
+    def _run_until(self, until: float, recorder: Recorder | None = None) -> EventLog:
         clock = self._state.clock[0]
+        followed = recorder is not None or self._scene.track_orientation
+        tape = recorder.tape if recorder is not None else blank_tape(0)
         chunks = []
         passes, time = clock.passes, clock.now
         while True:
-            if self._scene.track_orientation:
-                status = run_turning(self._state, self._turns, self._constants, until, BATCH)
+            if followed:
+                status = run_followed(self._state, self._turns, tape, self._constants, until, BATCH)
             else:
                 status = run_until(self._state, self._constants, until, BATCH)
             chunks.append(copy_rows(self._state.log[: clock.events]))
             clock.events = 0
+            if recorder is not None:
+                recorder.unload()
             if status != PAUSED:
                 return EventLog(chunks[0] if len(chunks) == 1 else join_rows(chunks), self._scene)
             if clock.passes - passes >= EVENT_BUDGET:

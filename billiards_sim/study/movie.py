@@ -26,6 +26,9 @@ from billiards_sim.study.recording import Pose, Recording, ticks
 FRAME_RATE = 30
 """Frames in a second of simulated time."""
 
+MOST_FRAMES = 100_000
+"""Frames of a movie: an hour of it, and an hour or two of work."""
+
 SIZES = {".mp4": 1280, ".gif": 800}
 """Pixels of the longer side, by the ending of the file name."""
 
@@ -154,13 +157,14 @@ def write_movie(recording: Recording, path: Path, longest: int | None = None) ->
         The number of frames.
 
     Raises:
+        ValueError: more than `MOST_FRAMES` frames.
         OSError: the file cannot be written.
         ImportError: MP4 without imageio-ffmpeg.
     """
     ending = path.suffix.lower()
     painter = Painter(recording.scene, longest or SIZES[ending])
-    times = [*ticks(recording.start.time, recording.end.time, 1.0 / FRAME_RATE)]
-    poses = recording.poses(tqdm(times, desc=path.name, unit="frame", leave=False, disable=None))
+    times = ticks(recording.start.time, recording.end.time, 1.0 / FRAME_RATE, MOST_FRAMES)
+    poses = tqdm(recording.poses(times), total=len(times), desc=path.name, unit="frame", leave=False, disable=None)
     frames = (painter.frame(pose) for pose in poses)
     path.open("wb").close()  # fails here, with a reason
     if ending == ".gif":

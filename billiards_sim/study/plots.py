@@ -110,10 +110,9 @@ def _draw_name(axes: Axes, x: float, y: float, radius: float, name: str) -> None
 
 def _draw_paths(axes: Axes, recording: Recording) -> None:
     radius = recording.scene.physics.radius
-    path = recording.path()
     for index, name in enumerate(recording.scene.names):
         style = (0, (4.0, 1.0)) if is_striped(name) else "solid"
-        axes.plot(*path[:, index].T, color=ball_colour(name), linewidth=1.5, linestyle=style, zorder=2)
+        axes.plot(*recording.path(name)[:, 1:].T, color=ball_colour(name), linewidth=1.5, linestyle=style, zorder=2)
         start = recording.start.positions[index].tolist()
         face, edge = (*ball_colour(name), 0.3), (0.0, 0.0, 0.0, 0.3)
         axes.add_patch(Circle(start, radius, facecolor=face, edgecolor=edge, linewidth=0.6, zorder=3))

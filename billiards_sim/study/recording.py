@@ -6,23 +6,30 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from billiards_sim.engine.events import Event
+from billiards_sim.engine.record import Run
+from billiards_sim.engine.record import record as record_run
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
+from billiards_sim.engine.trajectory import Recorder
 from billiards_sim.quaternion import IDENTITY, turned
-from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, Array, Solver, SteppedSolver
+from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, Array, SchemeError, Solver, SteppedSolver
 
-PATH_STEP = 0.01
-"""s between two points of a path, corners aside: sliding friction bends it by 25 um in that time."""
+MOST_TICKS = 1_000_000
+"""Times of a table: of a break every hundredth of a second for three hours. Its file would have gigabytes."""
 
-PATH_POINTS = 10_000
-"""Points of a path, corners aside, from which on they are further apart than `PATH_STEP`."""
+MOST_STEPS = 1_000_000
+"""Steps of a stepped solver, whose states are all kept: a few gigabytes."""
+
+CHUNK = 256
+"""Times that are looked up together: enough to be quick, few enough to need no memory."""
 
 
 class State(NamedTuple):
@@ -70,39 +77,31 @@ class Recording(ABC):
         """
 
     @abstractmethod
-    def path(self) -> Array:
-        """(T, N, 2) m: positions that the balls' paths can be drawn through, every corner among them."""
+    def path(self, ball: str) -> Array:
+        """(K, 3) t s, x m, y m: points that the path of a ball can be drawn through, every corner among them."""
 
     @abstractmethod
-    def poses(self, times: Iterable[float]) -> Iterator[Pose]:
+    def poses(self, times: ArrayLike) -> Iterator[Pose]:
         """The balls at times, s, that ascend from the start to the end at most; between steps on straight lines."""
 
 
+@dataclass(frozen=True)
 class ExactRecording(Recording):
-    """A run of the engine. Whatever is asked for is computed anew: cutting a run into pieces changes no bit of it."""
+    """A run of the engine, with how every ball moved."""
+
+    run: Run
 
     def samples(self, interval: float) -> Iterator[State]:
-        simulation = _started(self.scene)
-        for at in ticks(self.start.time, self.end.time, interval):
-            simulation.run(until=at)
-            yield look(simulation)
+        for times in _chunks(ticks(self.start.time, self.end.time, interval)):
+            values = (self.run.positions(times), self.run.velocities(times), self.run.angular_velocities(times))
+            yield from map(State, times.tolist(), *values)
 
-    def path(self) -> Array:
-        interval = max(PATH_STEP, self.end.time / PATH_POINTS)
-        corners = [event.time for event in self.events]
-        times = np.union1d(corners, [*ticks(self.start.time, self.end.time, interval)])
-        simulation = _started(self.scene)
-        points = []
-        for at in times.tolist():
-            simulation.run(until=at)
-            points.append(simulation.positions)
-        return np.array(points)
+    def path(self, ball: str) -> Array:
+        return self.run.path(ball)
 
-    def poses(self, times: Iterable[float]) -> Iterator[Pose]:
-        simulation = _started(replace(self.scene, track_orientation=True))
-        for at in times:
-            simulation.run(until=at)
-            yield Pose(at, simulation.positions, simulation.orientations)
+    def poses(self, times: ArrayLike) -> Iterator[Pose]:
+        for some in _chunks(np.asarray(times, dtype=np.float64)):
+            yield from map(Pose, some.tolist(), self.run.positions(some), self.run.orientations(some))
 
 
 @dataclass(frozen=True)
@@ -114,15 +113,16 @@ class SteppedRecording(Recording):
     def samples(self, interval: float) -> Iterator[State]:
         return iter(self.steps)
 
-    def path(self) -> Array:
-        return np.array([step.positions for step in self.steps])
+    def path(self, ball: str) -> Array:
+        index = self.scene.names.index(ball)
+        return np.array([(step.time, *step.positions[index]) for step in self.steps])
 
-    def poses(self, times: Iterable[float]) -> Iterator[Pose]:
+    def poses(self, times: ArrayLike) -> Iterator[Pose]:
         # The paper's clock can step back; a movie cannot.
         clock = np.maximum.accumulate([step.time for step in self.steps]).tolist()
         orientations = np.tile(IDENTITY, (len(self.scene), 1))
         last = 0
-        for at in times:
+        for at in np.asarray(times, dtype=np.float64).tolist():
             while last + 1 < len(clock) and clock[last + 1] <= at:
                 spins = 0.5 * (self.steps[last].angular_velocities + self.steps[last + 1].angular_velocities)
                 orientations = turned(orientations, spins, clock[last + 1] - clock[last])
@@ -147,32 +147,61 @@ def record(scene: Scene, solver: str = "event", time_step: float = TIME_STEP, un
         until: s; None: until every ball rests.
 
     Raises:
-        ValueError: the shot is refused; or without `until`, the balls never rest.
+        ValueError: the shot is refused; or without `until`, the balls never rest; or a stepped solver would need more
+            than `MOST_STEPS` steps.
         SchemeError, StallError: the solver cannot go on.
     """
     player = SOLVERS[solver](scene, time_step)
     _play_shot(player)
     start = look(player)
-    if isinstance(player, SteppedSolver):
-        began = time.perf_counter()
-        steps = [start, *(look(player) for _ in player.steps(until))]
-        events = player.run(until=player.time)
-        wall_seconds = time.perf_counter() - began
-        steps[-1] = look(player)
-        return SteppedRecording(scene, start, steps[-1], player.at_rest, events, wall_seconds, steps)
-    _started(scene).run(until=0.0)  # compiles the engine
+    if isinstance(player, Simulation):
+        return _record_run(player, start, until)
+    assert isinstance(player, SteppedSolver)
+    return _record_steps(player, start, time_step, until)
+
+
+def _record_run(simulation: Simulation, start: State, until: float | None) -> ExactRecording:
+    record_run(simulation.copy(), until=start.time)  # compiles the engine
+    scene = simulation.start_scene
+    recorder = Recorder(len(scene))
     began = time.perf_counter()
-    events = player.run(until)
+    events = simulation.run(until, recorder)
     wall_seconds = time.perf_counter() - began
-    return ExactRecording(scene, start, look(player), player.at_rest, events, wall_seconds)
+    run = Run(scene, recorder, events, start.time, simulation.time)
+    return ExactRecording(scene, start, look(simulation), simulation.at_rest, events, wall_seconds, run)
 
 
-def ticks(start: float, end: float, interval: float) -> Iterator[float]:
-    """Times from the start to the end, both included, `interval` apart but for the last two. All s."""
+def _record_steps(player: SteppedSolver, start: State, time_step: float, until: float | None) -> SteppedRecording:
+    if until is not None and not (until - start.time) / time_step <= MOST_STEPS:
+        raise ValueError(
+            f"{(until - start.time) / time_step:.3g} steps of {time_step:g} s to {until:g} s are too many: at most "
+            f"{MOST_STEPS}"
+        )
+    steps = [start]
+    began = time.perf_counter()
+    for _ in player.steps(until):
+        steps.append(look(player))
+        if len(steps) > MOST_STEPS:
+            raise SchemeError(
+                f"{MOST_STEPS} steps of {time_step:g} s lead to {player.time:.6g} s only: the most it takes"
+            )
+    events = player.run(until=player.time)
+    wall_seconds = time.perf_counter() - began
+    steps[-1] = look(player)
+    return SteppedRecording(player.start_scene, start, steps[-1], player.at_rest, events, wall_seconds, steps)
+
+
+def ticks(start: float, end: float, interval: float, most: int = MOST_TICKS) -> Array:
+    """(T,) times from the start to the end, both included, `interval` apart but for the last two. All s.
+
+    Raises:
+        ValueError: more than `most`.
+    """
     rounding = 1e-9
-    for count in range(math.ceil((end - start) / interval - rounding)):
-        yield start + count * interval
-    yield end
+    count = (end - start) / interval
+    if not count < most:
+        raise ValueError(f"{count:.3g} times, {interval:g} s apart until {end:g} s, are too many: at most {most}")
+    return np.append(start + interval * np.arange(math.ceil(count - rounding)), end)
 
 
 def look(solver: Solver) -> State:
@@ -180,10 +209,9 @@ def look(solver: Solver) -> State:
     return State(solver.time, solver.positions, solver.velocities, solver.angular_velocities)
 
 
-def _started(scene: Scene) -> Simulation:
-    simulation = Simulation(scene)
-    _play_shot(simulation)
-    return simulation
+def _chunks(times: Array) -> Iterator[Array]:
+    for first in range(0, len(times), CHUNK):
+        yield times[first : first + CHUNK]
 
 
 def _play_shot(solver: Solver) -> None:

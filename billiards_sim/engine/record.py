@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run to look at afterwards: where every ball was at any time of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_sim.engine.events import Event
+from billiards_sim.engine.jit import columns, rows, set_columns, take_rows
+from billiards_sim.engine.orientation import End, Turn, turn_along, turn_each
+from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.simulation import Simulation
+from billiards_sim.engine.trajectory import Recorder
+from billiards_sim.quaternion import IDENTITY, product
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+CHORD = 2e-4
+"""m. How far the straight line between two points of a path may lie from the ball at any time: less than a tenth of a
+pixel where a table fills a screen."""
+
+
+class Run:
+    """What happened from one time to another, from `record`.
+
+    Attributes:
+        scene: of the simulation.
+        start, end: s. Every time that is asked for lies between, both included.
+        events: those of the run, in order.
+
+    Positions, velocities and angular velocities have the bits that the simulation would have shown at that time.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        recorder: Recorder,
+        events: Sequence[Event],
+        start: float,
+        end: float,
+        orientations: Array | None = None,
+    ) -> None:
+        self.scene, self.events, self.start, self.end = scene, events, start, end
+        arcs = recorder.arcs()
+        balls = columns(arcs, "ball")[:, 0].astype(np.intp)
+        by_ball = np.argsort(balls, kind="stable")
+        self._first = np.searchsorted(balls[by_ball], np.arange(len(scene) + 1))
+        self._times = columns(arcs, "time")[by_ball, 0]
+        self._places = columns(arcs, "x", "y")[by_ball]
+        self._velocities = columns(arcs, "vx", "vy")[by_ball]
+        self._accelerations = columns(arcs, "ax", "ay")[by_ball]
+        self._spins = columns(arcs, "wx", "wy", "wz")[by_ball]
+        self._spin_rates = columns(arcs, "alpha_x", "alpha_y")[by_ball]
+        self._orientations = orientations
+
+    def positions(self, times: ArrayLike) -> Array:
+        """(T, N, 2) m, frame `table`, at times (T,), s.
+
+        Raises:
+            ValueError: `times` has another shape, or one of them lies outside of the run.
+        """
+        return self._positions(*self._arcs(times))
+
+    def velocities(self, times: ArrayLike) -> Array:
+        """(T, N, 2) m/s, at times (T,), s.
+
+        Raises:
+            ValueError: as `positions`.
+        """
+        arcs, ages = self._arcs(times)
+        return self._velocities[arcs] + self._accelerations[arcs] * ages
+
+    def angular_velocities(self, times: ArrayLike) -> Array:
+        """(T, N, 3) rad/s, at times (T,), s.
+
+        Raises:
+            ValueError: as `positions`.
+        """
+        arcs, ages = self._arcs(times)
+        spins = self._spins[arcs]
+        spins[..., 0:2] += self._spin_rates[arcs] * ages
+        return spins
+
+    def orientations(self, times: ArrayLike) -> Array:
+        """(T, N, 4) unit quaternions x y z w, at times (T,), s: how each ball is turned.
+
+        Counted from the start of the run, or of the simulation where its scene tracks orientation; as exact as
+        `Simulation.orientations`.
+
+        Raises:
+            ValueError: as `positions`.
+        """
+        arcs, _ = self._arcs(times)
+        turns = take_rows(self._turns, arcs.ravel())
+        ends = rows(End, arcs.size)
+        set_columns(ends, ("time",), np.repeat(np.asarray(times, dtype=np.float64), len(self.scene))[:, np.newaxis])
+        turn_each(turns, ends)
+        since = columns(turns, "qx", "qy", "qz", "qw")
+        if self._orientations is not None:
+            since = product(since, np.tile(self._orientations, (len(arcs), 1)))
+        return since.reshape(*arcs.shape, 4)
+
+    def path(self, ball: str) -> Array:
+        """(K, 3) t s, x m, y m: points that the path of a ball can be drawn or played through, on straight lines.
+
+        They begin at the start of the run and end with it or where the ball stays. There is one at each event of the
+        ball, and between two of them as many as it takes to keep the lines within `CHORD` of the ball at every time:
+        a motion of acceleration a bends away from a line of duration d by a/2 (d/2)^2.
+
+        Raises:
+            ValueError: no such ball.
+        """
+        if ball not in self.scene.names:
+            raise ValueError(f"no ball is named {ball!r}; the balls are {', '.join(self.scene.names)}")
+        index = self.scene.names.index(ball)
+        first, last = self._first[index : index + 2]
+        began, size = self._times[first:last], np.hypot(*self._accelerations[first:last].T)
+        times = [self.start]
+        for begin, end in pairwise(np.unique([self.start, *self._event_times[ball], self.end])):
+            within = slice(np.searchsorted(began, begin, "right") - 1, np.searchsorted(began, end, "left"))
+            parts = math.ceil((end - begin) * math.sqrt(size[within].max() / (8.0 * CHORD)))
+            times.extend(np.linspace(begin, end, max(parts, 1) + 1)[1:].tolist())
+        points = self._positions(*self._arcs_of(index, np.array(times)))
+        stays = len(points) > 1 and np.array_equal(points[-1], points[-2])
+        path = np.column_stack((times, points))
+        return path[:-1] if stays else path
+
+    def _arcs(self, times: ArrayLike) -> tuple[Indices, Array]:
+        # (T, N) the arcs that the balls are on at times, and (T, N, 1) s since these began.
+        at = np.asarray(times, dtype=np.float64)
+        if at.ndim != 1:
+            raise ValueError(f"times must have shape (T,), got {at.shape}")
+        outside = ~((at >= self.start) & (at <= self.end))
+        if outside.any():
+            raise ValueError(f"times must lie in the run, {self.start:.9g} to {self.end:.9g} s, got {at[outside][0]!r}")
+        found = [self._arcs_of(ball, at) for ball in range(len(self.scene))]
+        return np.stack([arcs for arcs, _ in found], axis=1), np.stack([ages for _, ages in found], axis=1)
+
+    def _arcs_of(self, ball: int, times: Array) -> tuple[Indices, Array]:
+        # (T,) and (T, 1) of one ball. Of several arcs that begin at the same time the last is what the others led to.
+        first, last = self._first[ball : ball + 2]
+        arcs = first + np.searchsorted(self._times[first:last], times, side="right") - 1
+        return arcs, (times - self._times[arcs])[:, np.newaxis]
+
+    def _positions(self, arcs: Indices, ages: Array) -> Array:
+        # The operations of `Simulation.positions`, in their order.
+        moved = (self._velocities[arcs] + 0.5 * self._accelerations[arcs] * ages) * ages
+        return self._places[arcs] + moved + np.array(self.scene.table.centre)
+
+    @cached_property
+    def _event_times(self) -> dict[str, list[float]]:
+        times: dict[str, list[float]] = {name: [] for name in self.scene.names}
+        for event in self.events:
+            for ball in event.balls:
+                times[ball].append(event.time)
+        return times
+
+    @cached_property
+    def _turns(self) -> Sequence[Turn]:
+        # How the balls are turned where their arcs begin. What was on its way already counts from the start.
+        begun, spins = self._times.copy(), self._spins.copy()
+        for first in self._first[:-1]:
+            age = max(self.start - begun[first], 0.0)
+            spins[first, 0:2] += self._spin_rates[first] * age
+            begun[first] += age
+        turns = rows(Turn, len(begun))
+        set_columns(turns, ("time", "wx", "wy", "wz"), np.column_stack((begun, spins)))
+        set_columns(turns, ("alpha_x", "alpha_y"), self._spin_rates)
+        set_columns(turns, ("qx", "qy", "qz", "qw"), np.tile(IDENTITY, (len(begun), 1)))
+        scratch = rows(Turn, 1)
+        for first, last in pairwise(self._first):
+            turn_along(turns[first:last], scratch)
+        return turns
+
+
+def record(simulation: Simulation, until: float | None = None) -> Run:
+    """Let a simulation go on, as its `run` does, and keep how every ball moved.
+
+    Args:
+        until: s; None: until every ball rests.
+
+    Raises:
+        ValueError, StallError: as `Simulation.run`.
+    """
+    scene, start = simulation.start_scene, simulation.time
+    orientations = simulation.orientations if scene.track_orientation else None
+    recorder = Recorder(len(scene))
+    events = simulation.run(until, recorder)
+    return Run(scene, recorder, events, start, simulation.time, orientations)
