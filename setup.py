@@ -10,6 +10,7 @@ ROS = [
     "ros-jazzy-rclpy[fastrtps]",
     "ros-jazzy-std-msgs",
     "ros-jazzy-geometry-msgs",
+    "ros-jazzy-sensor-msgs",
     "ros-jazzy-visualization-msgs",
     "ros-jazzy-std-srvs",
     "ros-jazzy-rosgraph-msgs",

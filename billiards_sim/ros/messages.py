@@ -3,33 +3,37 @@
 
 from __future__ import annotations
 
-import json
 import math
 import struct
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose, PoseArray, VelocityStamped, WrenchStamped
+from geometry_msgs.msg import Pose, PoseArray, Transform, Twist, VelocityStamped, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import MultiDOFJointState
 
 from billiards_sim.engine.events import Event
 from billiards_sim.ros.wrench import FRAME
 
 NANOSECONDS = 1_000_000_000
 
-COLLISION_VERSION = 1
-"""Of the JSON on `collisions`; it changes when a key changes its meaning or goes."""
-
-ANSWER_VERSION = 2
-"""Of the JSON on `shot_result`, `placement_result` and `preview/result`; it changes as that of the collisions."""
+VERSION = 2
+"""Of the JSON on every topic; it changes when a key changes its meaning or goes."""
 
 _STAMP = struct.Struct("=iI")
 """Seconds and nanoseconds of a serialized message, in the machine's own order of bytes as all of it is."""
 
 _STAMP_PLACE = 4
 """Of the stamp in a serialized message, bytes."""
+
+DOUBLE = 8
+"""Bytes of a number in a serialized message, and what it is aligned to."""
+
+LENGTH = 4
+"""Bytes of the length of a sequence in a serialized message."""
 
 
 class Stamps:
@@ -63,17 +67,20 @@ def stamp_of(message: WrenchStamped | PoseArray) -> tuple[int, int]:
 
 
 class Serialized:
-    """A message with a header first and doubles last, as the bytes that go out.
+    """A message with a header first, as the bytes that go out.
 
     Converting a PoseArray of 16 poses costs 0.1 ms at every publishing; bytes are sent as they are. Common data
     representation (CDR), in which ROS 2 sends, puts fields one after the other: here 4 bytes of its own, the stamp,
     names that stay, and numbers to be written over.
     """
 
-    def __init__(self, message: PoseArray | VelocityStamped, shape: tuple[int, ...]) -> None:
+    def __init__(self, message: PoseArray | VelocityStamped | MultiDOFJointState) -> None:
         self._bytes = bytearray(serialize_message(message))
-        tail = len(self._bytes) - 8 * math.prod(shape)
-        self.numbers: NDArray[np.float64] = np.ndarray(shape, np.float64, self._bytes, tail)
+
+    def numbers(self, shape: tuple[int, ...], behind: int = 0) -> NDArray[np.float64]:
+        """Doubles of the message, to be written over; `behind` bytes of it come after them."""
+        begin = len(self._bytes) - behind - DOUBLE * math.prod(shape)
+        return np.ndarray(shape, np.float64, self._bytes, begin)
 
     def stamped(self, stamp: int) -> bytes:
         """The message with this stamp, ns."""
@@ -95,7 +102,8 @@ class Poses:
         message.poses = [Pose() for _ in range(count)]
         for pose in message.poses:
             pose.position.z = float(radius)
-        self._serialized = Serialized(message, (count, 7))
+        self._serialized = Serialized(message)
+        self._poses = self._serialized.numbers((count, 7))
 
     def at(self, positions: NDArray[np.float64], stamp: int, orientations: NDArray[np.float64] | None = None) -> bytes:
         """The serialized message.
@@ -105,14 +113,58 @@ class Poses:
             stamp: ns.
             orientations: (N, 4) unit quaternions x y z w.
         """
-        poses = self._serialized.numbers
-        poses[:, :2] = positions
+        self._poses[:, :2] = positions
         if orientations is not None:
-            poses[:, 3:] = orientations
+            self._poses[:, 3:] = orientations
         return self._serialized.stamped(stamp)
 
 
-class Twist:
+class States:
+    """`balls/states`: where the balls are and how they move, all of them with their names in one message.
+
+    Args:
+        names: of the balls.
+        radius: m.
+    """
+
+    def __init__(self, names: Sequence[str], radius: float) -> None:
+        message = MultiDOFJointState(joint_names=list(names))
+        message.header.frame_id = FRAME
+        message.transforms = [Transform() for _ in names]
+        message.twist = [Twist() for _ in names]
+        for transform in message.transforms:
+            transform.translation.z = float(radius)
+        self._serialized = Serialized(message)
+        # At the end: the transforms, how many twists there are, these, and that there are no wrenches.
+        self._twists = self._serialized.numbers((len(names), 6), LENGTH)
+        self._transforms = self._serialized.numbers((len(names), 7), LENGTH + self._twists.nbytes + DOUBLE)
+
+    def at(
+        self,
+        positions: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        spins: NDArray[np.float64],
+        stamp: int,
+        orientations: NDArray[np.float64] | None = None,
+    ) -> bytes:
+        """The serialized message.
+
+        Args:
+            positions: (N, 2) m.
+            velocities: (N, 2) m/s.
+            spins: (N, 3) rad/s.
+            stamp: ns.
+            orientations: (N, 4) unit quaternions x y z w.
+        """
+        self._transforms[:, :2] = positions
+        if orientations is not None:
+            self._transforms[:, 3:] = orientations
+        self._twists[:, :2] = velocities
+        self._twists[:, 3:] = spins
+        return self._serialized.stamped(stamp)
+
+
+class BallTwist:
     """`balls/twists`: velocity of one ball with respect to the table."""
 
     def __init__(self, name: str) -> None:
@@ -120,7 +172,8 @@ class Twist:
         message.header.frame_id = FRAME
         message.reference_frame_id = FRAME
         message.body_frame_id = name
-        self._serialized = Serialized(message, (6,))
+        self._serialized = Serialized(message)
+        self._twist = self._serialized.numbers((6,))
 
     def at(self, velocity: NDArray[np.float64], spin: NDArray[np.float64], stamp: int) -> bytes:
         """The serialized message.
@@ -130,15 +183,9 @@ class Twist:
             spin: (x, y, z) rad/s.
             stamp: ns.
         """
-        twist = self._serialized.numbers
-        twist[:2] = velocity
-        twist[3:] = spin
+        self._twist[:2] = velocity
+        self._twist[3:] = spin
         return self._serialized.stamped(stamp)
-
-
-def collision_json(event: Event, stamp: int, radius: float) -> str:
-    """One engine event as JSON for `collisions`, see `collision_record`."""
-    return json.dumps(collision_record(event, stamp, radius))
 
 
 def collision_record(event: Event, stamp: int, radius: float) -> dict[str, Any]:
@@ -150,12 +197,12 @@ def collision_record(event: Event, stamp: int, radius: float) -> dict[str, Any]:
     """
     sec, nanosec = divmod(stamp, NANOSECONDS)
     return {
-        "version": COLLISION_VERSION,
         "kind": event.kind,
         "time": event.time,
         "stamp": {"sec": sec, "nanosec": nanosec},
         "balls": event.balls,
         "rail": event.rail,
+        "pocket": None,
         "point": [*event.point, radius],
         "normal": [*event.normal, 0.0],
         "approach_speed": event.approach_speed,
@@ -173,7 +220,7 @@ def answer_record(reason: str, time: float, request: tuple[int, int]) -> dict[st
     """
     sec, nanosec = request
     return {
-        "version": ANSWER_VERSION,
+        "version": VERSION,
         "accepted": not reason,
         "reason": reason,
         "time": time,

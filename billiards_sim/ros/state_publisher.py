@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,14 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import markers, messages
+from billiards_sim.ros.event_queue import EventQueue
 from billiards_sim.ros.messages import Stamps
 from billiards_sim.ros.parameters import Settings
 from billiards_sim.ros.transforms import BallFrames, tf_message_type
@@ -29,11 +31,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """A late subscriber gets the last message."""
 
 EVENT_DEPTH = 1000
-"""Messages kept for a reliable subscriber that falls behind; a break has a few hundred events."""
-
-EVENTS_A_TICK = 200
-"""Most events published at a tick: some 5 ms. A dense cluster can have thousands, which would hold up the ticks and
-overrun the queues of subscribers; they wait for the next ticks."""
+"""Messages kept for a reliable subscriber that falls behind: those of 10 s of ticks at 100 Hz."""
 
 STATE_DEPTH = 10
 """Ticks kept for one."""
@@ -44,9 +42,39 @@ TF_DEPTH = 100
 MOST_BALLS = 22
 """Of the games in use (snooker): twists are kept for as many, or for the first scene's if it has more."""
 
+TWIST_PERIOD = 1.0
+"""s between two twists of a ball that rests: whoever missed one knows it soon."""
+
+
+class Look:
+    """What there is to see of a simulation now; each part is made when it is first asked for."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    @cached_property
+    def positions(self) -> NDArray[np.float64]:
+        """(N, 2) m."""
+        return self._simulation.positions
+
+    @cached_property
+    def velocities(self) -> NDArray[np.float64]:
+        """(N, 2) m/s."""
+        return self._simulation.velocities
+
+    @cached_property
+    def spins(self) -> NDArray[np.float64]:
+        """(N, 3) rad/s."""
+        return self._simulation.angular_velocities
+
+    @cached_property
+    def orientations(self) -> NDArray[np.float64] | None:
+        """(N, 4) x y z w; None where they are not tracked."""
+        return self._simulation.orientations if self._simulation.start_scene.track_orientation else None
+
 
 class StatePublisher:
-    """Publishes poses, twists, markers, events, rest, and where asked the clock and frames; to nobody, nothing.
+    """Publishes states, markers, events, rest, and where asked the clock and frames; to nobody, nothing.
 
     Before the first state comes `use`.
 
@@ -57,6 +85,7 @@ class StatePublisher:
 
     def __init__(self, node: Node, count: int) -> None:
         self._node = node
+        self._states_publisher = node.create_publisher(MultiDOFJointState, "balls/states", STATE_DEPTH)
         self._poses_publisher = node.create_publisher(PoseArray, "balls/poses", STATE_DEPTH)
         twists_depth = STATE_DEPTH * max(count, MOST_BALLS)
         self._twists_publisher = node.create_publisher(VelocityStamped, "balls/twists", twists_depth)
@@ -67,9 +96,9 @@ class StatePublisher:
         self._clock_publisher: Publisher | None = None
         self._frames_publisher: Publisher | None = None
         self._clock = Clock()
-        self._waiting: deque[Iterator[tuple[Event, int]]] = deque()  # with their stamps, ns
+        self._events = EventQueue()
         self._at_rest: bool | None = None
-        self._twist_subscribers = 0
+        self._ticks = 0
         self._markers_due = 0.0
 
     def use(self, settings: Settings) -> None:
@@ -80,9 +109,13 @@ class StatePublisher:
         """
         scene, radius = settings.scene, settings.scene.physics.radius
         self._scene = scene
+        self._states = messages.States(scene.names, radius)
         self._poses = messages.Poses(len(scene), radius)
-        self._twists = [messages.Twist(name) for name in scene.names]
-        self._twists_due = [True] * len(scene)
+        self._twists = [messages.BallTwist(name) for name in scene.names]
+        self._twists_due = np.ones(len(scene), dtype=bool)
+        # Balls that rest take turns: at one tick they would overrun a short queue.
+        self._round = max(round(TWIST_PERIOD * settings.update_rate), 1)  # ticks
+        self._turns = np.arange(len(scene)) * self._round // len(scene)
         self._markers_a_tick = min(settings.marker_rate / settings.update_rate, 1.0)
         self._balls = markers.BallMarkers(scene.names, radius, self._markers_a_tick * settings.update_rate)
         tf_type = tf_message_type() if settings.publish_tf else None
@@ -102,37 +135,44 @@ class StatePublisher:
 
     def jump(self) -> None:
         """The balls are not where they were before."""
-        self._twists_due = [True] * len(self._scene)
+        self._twists_due = np.ones(len(self._scene), dtype=bool)
         self._balls.restart()
 
     def events(self, events: Sequence[Event], stamps: Stamps) -> None:
-        """What happened: one message an event, `EVENTS_A_TICK` of them with each state."""
+        """What happened: it goes out with this state and, where it is much, the next ones."""
         if len(events) == 0:
             return
         if _heard(self._markers_publisher):
             self._balls.flash(markers.contact_points(events))
         if _heard(self._collisions_publisher):
-            self._waiting.append((event, stamps.at(event.time)) for event in events)
+            self._events.add(events, stamps, self._scene.physics.radius)
 
-    def flush(self) -> None:
-        """Let no event wait."""
-        self._publish_events(math.inf)
+    @property
+    def dropped_events(self) -> int:
+        """Events that were too many to wait, since the start."""
+        return self._events.dropped
 
     def state(self, simulation: Simulation, stamp: int) -> None:
         """Where the balls are and how they move."""
-        self._publish_events(EVENTS_A_TICK)
+        if len(self._events):
+            self._collisions_publisher.publish(String(data=json.dumps(self._events.take())))
         if self._clock_publisher is not None:
             messages.set_stamp(self._clock.clock, stamp)
             self._clock_publisher.publish(self._clock)
+        look = Look(simulation)
+        if _heard(self._states_publisher):
+            message = self._states.at(look.positions, look.velocities, look.spins, stamp, look.orientations)
+            self._states_publisher.publish(message)
         if _heard(self._poses_publisher):
-            message = self._poses.at(simulation.positions, stamp, self._orientations(simulation))
-            self._poses_publisher.publish(message)
+            self._poses_publisher.publish(self._poses.at(look.positions, stamp, look.orientations))
         frames, publisher = self._frames, self._frames_publisher
         if frames is not None and publisher is not None and _heard(publisher):
-            positions, orientations = self._places(simulation)
+            positions, orientations = _floats(look)
             publisher.publish(frames.at(positions, stamp, orientations))
-        self._publish_twists(simulation, stamp)
+        if _heard(self._twists_publisher):
+            self._publish_twists(simulation.at_rest, look, stamp)
         self.at_rest(simulation)
+        self._ticks += 1
 
     def draw(self, simulation: Simulation, stamp: int) -> None:
         """Markers, if they are due at this tick."""
@@ -141,52 +181,29 @@ class StatePublisher:
             return
         self._markers_due -= 1.0
         if _heard(self._markers_publisher):
-            positions, orientations = self._places(simulation)
+            positions, orientations = _floats(Look(simulation))
             self._markers_publisher.publish(self._balls.update(positions, stamp, orientations))
         else:
             self._balls.restart()
 
     def at_rest(self, simulation: Simulation) -> None:
         """Whether all balls rest, where that is new. It comes after the events of the way there."""
-        at_rest = simulation.at_rest and not self._waiting
+        at_rest = simulation.at_rest and not len(self._events)
         if at_rest != self._at_rest:
             self._at_rest = at_rest
             self._at_rest_publisher.publish(Bool(data=at_rest))
 
-    def _publish_events(self, most: float) -> None:
-        radius = self._scene.physics.radius
-        count = 0
-        while self._waiting and count < most:
-            found = next(self._waiting[0], None)
-            if found is None:
-                self._waiting.popleft()
-                continue
-            self._collisions_publisher.publish(String(data=messages.collision_json(*found, radius)))
-            count += 1
-
-    def _publish_twists(self, simulation: Simulation, stamp: int) -> None:
-        # A ball that rests is published once, and once more when somebody new listens.
-        subscribers = self._twists_publisher.get_subscription_count()
-        if subscribers > self._twist_subscribers:
-            self._twists_due = [True] * len(self._scene)
-        self._twist_subscribers = subscribers
-        if subscribers == 0 or (simulation.at_rest and not any(self._twists_due)):
+    def _publish_twists(self, at_rest: bool, look: Look, stamp: int) -> None:
+        # Every tick of a ball that moves, once when it has come to rest, and then when it is its turn.
+        due = self._twists_due | (self._turns == self._ticks % self._round)
+        if at_rest and not due.any():
             return
-        velocities, spins = simulation.velocities, simulation.angular_velocities
-        motion = np.concatenate((velocities, spins[:, :2]), axis=1)
-        moving: list[bool] = (np.abs(motion).max(axis=1) > 0.0).tolist()
-        for index, moves in enumerate(moving):
-            if moves or self._twists_due[index]:
-                self._twists_publisher.publish(self._twists[index].at(velocities[index], spins[index], stamp))
+        motion = np.concatenate((look.velocities, look.spins[:, :2]), axis=1)
+        moving = np.abs(motion).max(axis=1) > 0.0
+        for index in np.flatnonzero(due | moving).tolist():
+            message = self._twists[index].at(look.velocities[index], look.spins[index], stamp)
+            self._twists_publisher.publish(message)
         self._twists_due = moving
-
-    def _orientations(self, simulation: Simulation) -> NDArray[np.float64] | None:
-        return simulation.orientations if self._scene.track_orientation else None
-
-    def _places(self, simulation: Simulation) -> tuple[list[list[float]], list[list[float]] | None]:
-        # Positions and orientations as Python floats: other kinds of floats are garbage in a message.
-        turned = self._orientations(simulation)
-        return simulation.positions.tolist(), None if turned is None else turned.tolist()
 
     def _switched(self, publisher: Publisher | None, on: bool, kind: Any, topic: str, depth: int) -> Publisher | None:
         if on and publisher is None:
@@ -199,3 +216,8 @@ class StatePublisher:
 
 def _heard(publisher: Publisher) -> bool:
     return bool(publisher.get_subscription_count() > 0)
+
+
+def _floats(look: Look) -> tuple[list[list[float]], list[list[float]] | None]:
+    # Positions and orientations as Python floats: other kinds of floats are garbage in a message.
+    return look.positions.tolist(), None if look.orientations is None else look.orientations.tolist()

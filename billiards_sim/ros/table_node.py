@@ -36,6 +36,7 @@ from billiards_sim.engine import scenes
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters
+from billiards_sim.ros.event_queue import MOST_WAITING
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.preview import Preview, predict, preview_json
@@ -114,6 +115,7 @@ class TableNode(Node):
         self._previews: deque[WrenchStamped] = deque()
         self._next_logs: dict[str, float] = {}  # s, of the steady clock, by what is told
         self._lost_time = 0.0  # s of `metronome.lost` that the log has told of
+        self._dropped_events = 0  # of `_publisher.dropped_events`, likewise
 
         self._publisher = StatePublisher(self, len(self._scene))
         self._shot_result_publisher = self.create_publisher(String, "shot_result", EVENT_DEPTH)
@@ -166,7 +168,6 @@ class TableNode(Node):
         """Back to the start of the scene, or to a new one; returns what is now on the table."""
         # Of a shot that no tick has followed yet:
         self._publisher.events(self._simulation.advance(0.0), self._stamps)
-        self._publisher.flush()
         if self._after_reset is not self._settings:
             self._settings = self._after_reset
             self._adopt_scene()
@@ -182,6 +183,7 @@ class TableNode(Node):
         self.advance(0.0 if self._paused else self._tick_time)
         self._publisher.draw(self._simulation, self._stamp())
         self._log_lost_time()
+        self._log_dropped_events()
         # One a tick and after its messages, so that previews delay no tick by more than one of them takes.
         if self._previews:
             self._preview(self._previews.popleft())
@@ -369,6 +371,15 @@ class TableNode(Node):
         if self.metronome.lost > self._lost_time and self._may_log("lost time"):
             lost, self._lost_time = self.metronome.lost - self._lost_time, self.metronome.lost
             self.get_logger().warning(f"ticks came too late: the table's time falls {lost:.3g} s behind the clock")
+
+    def _log_dropped_events(self) -> None:
+        dropped = self._publisher.dropped_events - self._dropped_events
+        if dropped > 0 and self._may_log("dropped events"):
+            self._dropped_events += dropped
+            self.get_logger().warning(
+                f"{dropped} events dropped: more than {MOST_WAITING} waited to go out on collisions, whose sequence "
+                "skips them"
+            )
 
     def _may_log(self, what: str) -> bool:
         # rclpy's own throttling looks for its caller every time, which takes longer than all else in a refusal.

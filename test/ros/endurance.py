@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a running table must stand: an hour of random shots, a flood of malformed ones, kills, late joiners.
+"""What a running table must stand: an hour of random shots, a flood of malformed ones, kills, late joiners, short
+queues.
 
-python test/ros/endurance.py [hour] [flood] [kill] [late] [--hours 1] [--seconds 30] [--kills 3] [--joiners 5]
+python test/ros/endurance.py [hour] [flood] [kill] [late] [queue] [--hours 1] [--seconds 30] [--kills 3] [--joiners 5]
+                             [--breaks 100]
 
 Each part runs tables of its own, in a ROS domain of this machine, and prints one line of JSON. It is bounded in count
 and time. Exit code 1: a figure is out of its bounds; "broken" names it.
@@ -22,6 +24,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -40,6 +43,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 from visualization_msgs.msg import MarkerArray
+from watcher import Watcher
 
 import billiards_sim as bs
 from billiards_sim.ros.process import end_group, isolate
@@ -48,6 +52,7 @@ from billiards_sim.ros.wrench import wrench_from_shot
 
 UPDATE_RATE = 100.0  # Hz, the default
 REAL_TIME_FACTOR = 20.0
+BREAK_FACTOR = 10.0  # real-time factor of the breaks that the short queue sees
 RESET_EVERY = 10  # shots
 FORCE, OFFSET = (100.0, 3.0, 0.0), (0.004, 0.003)  # N, m: a break with english
 BURST = 1e-3  # s between two bursts of the flood
@@ -105,8 +110,8 @@ MOST_WAIT_OF_OLD = 7.0
 class Table:
     """A table in its own process group, which can be killed and started again."""
 
-    def __init__(self) -> None:
-        given = ("scene:=eight_ball", f"update_rate:={UPDATE_RATE}", f"real_time_factor:={REAL_TIME_FACTOR}")
+    def __init__(self, factor: float = REAL_TIME_FACTOR) -> None:
+        given = ("scene:=eight_ball", f"update_rate:={UPDATE_RATE}", f"real_time_factor:={factor}")
         self._arguments = [part for parameter in given for part in ("-p", parameter)]
 
     def __enter__(self) -> Table:
@@ -572,7 +577,7 @@ def join() -> float:
     return elapsed
 
 
-def in_new_process(function: Callable[[], float]) -> float:
+def in_new_process(function: Callable[[], Any]) -> Any:
     with ProcessPoolExecutor(1, SPAWN) as pool:
         return pool.submit(function).result()
 
@@ -587,11 +592,51 @@ def run_late(given: argparse.Namespace) -> dict[str, Any]:
     return {"latched_after_s": waits, "broken": broken(latched=max(waits) <= MOST_WAIT)}
 
 
+def watch_breaks(count: int) -> dict[str, Any]:
+    """Breaks as one sees them who looks 30 times a second at queues of 10 messages."""
+    watcher = Watcher()
+    watcher.connect()
+    forces = [(100.0, across, 0.0) for across in np.random.default_rng(3).uniform(-3.0, 3.0, count).tolist()]
+    times, expected = [], 0
+    for force in tqdm(forces, desc="queue"):
+        watcher.reset()
+        watcher.play(wrench_from_shot(force, OFFSET))
+        times.append(watcher.verdicts[-1]["time"])
+    watcher.look_until(lambda: watcher.events[-1]["kind"] == "rest")
+    for force, time_of_shot in zip(forces, times, strict=True):
+        simulation = bs.Simulation(bs.scenes.eight_ball())
+        simulation.advance(time_of_shot)
+        simulation.strike(force, OFFSET)
+        expected += len(simulation.run())
+    gaps = [after - before for before, after in pairwise(watcher.sequence) if after != before + 1]
+    watcher.close()
+    return {
+        "breaks": count,
+        "events": len(watcher.events),
+        "events_expected": expected,
+        "messages": len(watcher.collisions),
+        "gaps": len(gaps),
+        "longest_look_s": watcher.longest,
+    }
+
+
+def run_queue(given: argparse.Namespace) -> dict[str, Any]:
+    """A subscriber in a process of its own, with the habitual queue of 10, at a table that is ten times as fast."""
+    with Table(BREAK_FACTOR) as table:
+        deadline = time.monotonic() + START_TIMEOUT
+        while not table.ready and time.monotonic() < deadline:
+            time.sleep(0.1)
+        figures = in_new_process(partial(watch_breaks, given.breaks))
+    complete = figures["events"] == figures["events_expected"]
+    return {**figures, "broken": broken(gaps=figures["gaps"] == 0, events=complete)}
+
+
 PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "hour": run_hour,
     "flood": run_flood,
     "kill": run_kill,
     "late": run_late,
+    "queue": run_queue,
 }
 
 
@@ -611,6 +656,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=30.0, help="of the flood (%(default)s)")
     parser.add_argument("--rate", type=float, default=1000.0, help="of the flood, shots a second (%(default)s)")
     parser.add_argument("--kills", type=int, default=3, help="in a row (%(default)s)")
+    parser.add_argument("--breaks", type=int, default=100, help="that the short queue sees (%(default)s)")
     parser.add_argument("--joiners", type=int, default=5, help="one after the other (%(default)s)")
     given = parser.parse_args()
     if unknown := set(given.parts) - set(PARTS):

@@ -19,6 +19,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
@@ -114,10 +115,12 @@ class Client:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self.poses: list[PoseArray] = []
+        self.states: list[MultiDOFJointState] = []
         self.twists: list[VelocityStamped] = []
         self.markers: list[MarkerArray] = []
         self.table_markers: list[MarkerArray] = []
-        self.collisions: list[dict] = []
+        self.collisions: list[dict] = []  # events
+        self.sequence: list[int] = []  # numbers of the messages that brought them
         self.results: list[dict] = []
         self.placements: list[dict] = []
         self.previews: list[dict] = []
@@ -128,7 +131,8 @@ class Client:
         self._subscribe(String, "preview/result", lambda message: self.previews.append(json.loads(message.data)))
         self._subscribe(MarkerArray, "preview", self.drawings.append)
         self._subscribe(String, "placement_result", lambda message: self.placements.append(json.loads(message.data)))
-        self._subscribe(String, "collisions", lambda message: self.collisions.append(json.loads(message.data)))
+        self._subscribe(String, "collisions", self._on_collisions)
+        self._subscribe(MultiDOFJointState, "balls/states", self.states.append)
         self._subscribe(VelocityStamped, "balls/twists", self.twists.append)
         self._subscribe(MarkerArray, "markers", self.markers.append)
         self._subscribe(MarkerArray, "table_markers", self.table_markers.append, LATCHED)
@@ -238,6 +242,12 @@ class Client:
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
+
+    def _on_collisions(self, message: String) -> None:
+        content = json.loads(message.data)
+        assert (content["version"], len(content["events"]) > 0) == (2, True)
+        self.sequence.append(content["sequence"])
+        self.collisions += content["events"]
 
     def _subscribe(self, kind: type, topic: str, callback: Callable, qos: QoSProfile | int = DEPTH) -> None:
         self.node.create_subscription(kind, topic, callback, qos)

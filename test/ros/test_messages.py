@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseArray, Quaternion, VelocityStamped
+from geometry_msgs.msg import PoseArray, Quaternion, Transform, Twist, Vector3, VelocityStamped
 from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import MultiDOFJointState
 
 import billiards_sim as bs
 from billiards_sim.ros import messages
@@ -54,9 +56,36 @@ def test_poses_carry_orientations_where_they_are_given() -> None:
     assert turned == [(0.6, 0.0, 0.0, 0.8), (0.0, 0.6, 0.8, 0.0)]
 
 
+def expected_states(names: Sequence[str], turned: bool) -> tuple[MultiDOFJointState, list[np.ndarray]]:
+    """A message with other numbers in every place, and what `States` is told for it."""
+    message = MultiDOFJointState(joint_names=list(names))
+    message.header.frame_id = "table"
+    message.header.stamp = Time(sec=1_700_000_000, nanosec=123_456_789)
+    count = len(names)
+    positions, velocities = np.arange(2.0 * count).reshape(count, 2), -np.arange(2.0 * count).reshape(count, 2)
+    spins, turns = 0.1 + np.arange(3.0 * count).reshape(count, 3), np.tile([0.6, 0.0, 0.8, 0.0], (count, 1))
+    for (x, y), (vx, vy), spin, (qx, qy, qz, qw) in zip(positions, velocities, spins, turns):
+        turn = Quaternion(x=qx, y=qy, z=qz, w=qw) if turned else Quaternion()
+        message.transforms.append(Transform(translation=Vector3(x=x, y=y, z=0.03), rotation=turn))
+        twist = Twist(linear=Vector3(x=vx, y=vy), angular=Vector3(**dict(zip("xyz", spin))))
+        message.twist.append(twist)
+    return message, [positions, velocities, spins, turns]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("names", [(), ("cue",), ("1", "22"), ("a long name of a ball", "", "x", "4")], ids=len)
+def test_states_are_what_rclpy_would_have_sent(names: Sequence[str], turned: bool) -> None:
+    expected, (positions, velocities, spins, turns) = expected_states(names, turned)
+    states = messages.States(names, 0.03)
+    states.at(positions + 1.0, velocities, spins, 0)
+    sent = states.at(positions, velocities, spins, EPOCH, turns if turned else None)
+    assert deserialize_message(sent, MultiDOFJointState) == expected
+    assert len(sent) == len(serialize_message(expected))  # bytes that only align others may be any
+
+
 @pytest.mark.parametrize("name", ["7", "cue", "a long name of a ball"])  # names move what comes behind them
 def test_a_twist_names_its_ball_and_the_table(name: str) -> None:
-    twist = messages.Twist(name)
+    twist = messages.BallTwist(name)
     message = deserialize_message(twist.at(np.array([1.0, -2.0]), np.array([3.0, 4.0, 5.0]), EPOCH), VelocityStamped)
     assert (message.body_frame_id, message.reference_frame_id, message.header.frame_id) == (name, "table", "table")
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
@@ -73,7 +102,7 @@ def test_a_message_that_was_taken_does_not_change_with_the_next() -> None:
     assert first == kept
 
 
-def test_collision_json_says_everything_and_keeps_every_digit() -> None:
+def test_an_event_for_json_says_everything_and_keeps_every_digit() -> None:
     event = bs.Event(
         time=1 / 3,
         kind="ball_rail",
@@ -84,14 +113,14 @@ def test_collision_json_says_everything_and_keeps_every_digit() -> None:
         approach_speed=2 / 3,
         impulse=1e-17,
     )
-    read = json.loads(messages.collision_json(event, EPOCH, 0.03))
+    read = json.loads(json.dumps(messages.collision_record(event, EPOCH, 0.03)))
     assert read == {
-        "version": 1,
         "kind": "ball_rail",
         "time": 1 / 3,
         "stamp": {"sec": 1_700_000_000, "nanosec": 123_456_789},
         "balls": ["cue"],
         "rail": "x_max",
+        "pocket": None,
         "point": [2.39, 0.1 + 0.2, 0.03],
         "normal": [-1.0, 0.0, 0.0],
         "approach_speed": 2 / 3,

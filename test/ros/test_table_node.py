@@ -4,6 +4,7 @@
 import math
 import re
 import sys
+from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 
@@ -42,6 +43,7 @@ def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> N
 
     client.spin_until(lambda: client.at_rest[-1] and len(client.collisions) >= len(events))
     stamps = [Time(**c["stamp"]) for c in client.collisions]
+    assert client.sequence == list(range(1, 1 + len(client.sequence)))
     final = client.next_poses(10, after=stamp_ns(stamps[-1]))[-1]  # whatever might come twice had the time to
     assert client.at_rest == [True, False, True]
     assert len(client.results) == 1
@@ -62,6 +64,19 @@ def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> N
     assert len(epochs) == 1
     ticks = (stamp_ns(final.header.stamp) - epochs.pop()) / (5e9 / 100)
     assert ticks == pytest.approx(round(ticks), abs=1e-6)
+
+    # The states of a tick are its poses, and the twists of the balls that move.
+    poses = {stamp_ns(message.header.stamp): message for message in client.poses}
+    states = {stamp_ns(message.header.stamp): message for message in client.states}
+    both = poses.keys() & states.keys()
+    assert len(both) > 50
+    for stamp in both:
+        places = [(one.translation.x, one.translation.y) for one in states[stamp].transforms]
+        assert places == positions(poses[stamp])
+    for twist in client.twists:
+        if (stamp := stamp_ns(twist.header.stamp)) in states:
+            ball = states[stamp].joint_names.index(twist.body_frame_id)
+            assert states[stamp].twist[ball] == twist.velocity
 
     def resting() -> set[str]:
         last = {twist.body_frame_id: twist.velocity for twist in client.twists}
@@ -120,10 +135,24 @@ def test_each_tick_advances_by_the_same_simulated_time(idle: Client) -> None:
     assert set(np.diff(stamps)) <= {9_999_999, 10_000_000, 10_000_001}
 
 
-def test_twists_of_resting_balls_come_once(idle: Client) -> None:
+def test_twists_of_resting_balls_come_once_a_second(idle: Client) -> None:
     names = list(bs.scenes.eight_ball().names)
-    idle.next_poses(20)
-    assert [twist.body_frame_id for twist in idle.twists] == names
+    idle.fresh_poses()
+    before, began = len(idle.twists), len(idle.poses)
+    idle.spin_until(lambda: len(idle.poses) >= began + 200)  # ticks of 2 s
+    counts = Counter(twist.body_frame_id for twist in idle.twists[before:])
+    assert set(counts) == set(names)
+    assert set(counts.values()) <= {1, 2, 3}
+
+
+def test_states_name_every_ball_and_say_where_it_is(idle: Client) -> None:
+    idle.spin_until(lambda: idle.states)
+    message, scene = idle.states[-1], bs.scenes.eight_ball()
+    assert message.joint_names == list(scene.names)
+    found = [(one.translation.x, one.translation.y, one.translation.z) for one in message.transforms]
+    assert found == [(x, y, scene.physics.radius) for x, y in scene.positions.tolist()]
+    assert message.header.frame_id == "table"
+    assert [len(message.twist), len(message.wrench)] == [16, 0]
 
 
 def test_markers_of_the_table_come_once(idle: Client) -> None:

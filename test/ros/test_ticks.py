@@ -8,14 +8,17 @@ import threading
 from collections.abc import Callable
 from contextlib import nullcontext
 
+import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, VelocityStamped
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from billiards_sim.ros import state_publisher, table_node
+import billiards_sim as bs
+from billiards_sim.ros import event_queue, state_publisher, table_node
 from billiards_sim.ros.markers import BallMarkers
 from billiards_sim.ros.table_node import TableNode
 from billiards_sim.ros.wrench import wrench_from_shot
@@ -101,14 +104,17 @@ class Recorder:
         return 1
 
     def publish(self, message: String | Bool) -> None:
-        self._sent.append(json.loads(message.data)["kind"] if self._name == "event" else f"at_rest {message.data}")
+        if self._name == "event":
+            self._sent += [event["kind"] for event in json.loads(message.data)["events"]]
+        else:
+            self._sent.append(f"at_rest {message.data}")
 
 
 @pytest.fixture
 def sent(table: TableNode, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Events and rest as they go out, no more than two events at a tick."""
     sent: list[str] = []
-    monkeypatch.setattr(state_publisher, "EVENTS_A_TICK", 2)
+    monkeypatch.setattr(event_queue, "EVENTS_A_TICK", 2)
     monkeypatch.setattr(table._publisher, "_collisions_publisher", Recorder(sent, "event"))
     monkeypatch.setattr(table._publisher, "_at_rest_publisher", Recorder(sent, "rest"))
     return sent
@@ -126,11 +132,78 @@ def test_many_events_are_spread_over_ticks_and_rest_comes_after_them(table: Tabl
     assert sent == ["at_rest False", *kinds, "at_rest True"]
 
 
-def test_a_reset_lets_no_event_wait(table: TableNode, sent: list[str]) -> None:
+def test_a_reset_publishes_no_flood_and_forgets_no_event(table: TableNode, sent: list[str]) -> None:
     table._on_cue_shot(wrench_from_shot((1.0, 0.0, 0.0), (0.0, 0.0)))
     table.advance(60.0)
     table.reset()
+    assert sent == ["at_rest False", "shot", "rolling"]
+    table.advance(0.01)
     assert sent == ["at_rest False", "shot", "rolling", "rest", "at_rest True"]
+
+
+def test_events_that_are_dropped_are_told_in_the_log(
+    table: TableNode, sent: list[str], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(event_queue, "MOST_WAITING", 2)
+    table._on_cue_shot(wrench_from_shot((1.0, 0.0, 0.0), (0.0, 0.0)))
+    table.advance(60.0)
+    table._on_tick()
+    table._on_tick()
+    assert sent == ["at_rest False", "rest", "at_rest True"]
+    assert capfd.readouterr().err.count("2 events dropped: more than") == 1
+
+
+class Ears:
+    """A publisher with a subscriber, which keeps the names of the balls whose twists go out."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+
+    def get_subscription_count(self) -> int:
+        return 1
+
+    def publish(self, message: bytes) -> None:
+        self.names.append(deserialize_message(message, VelocityStamped).body_frame_id)
+
+
+@pytest.mark.parametrize("update_rate", [100.0, 1.0, 0.1])
+def test_twists_of_resting_balls_come_again_once_a_second_in_turns(
+    table: TableNode, monkeypatch: pytest.MonkeyPatch, update_rate: float
+) -> None:
+    assert table.set_parameters_atomically([rclpy.Parameter("update_rate", value=update_rate)]).successful
+    ears = Ears()
+    monkeypatch.setattr(table._publisher, "_twists_publisher", ears)
+    names = list(bs.scenes.eight_ball().names)
+    table.advance(0.01)
+    assert ears.names == names  # of a new table
+    ticks = max(round(update_rate), 1)
+    for _ in range(2):
+        ears.names.clear()
+        most = 0
+        for _ in range(ticks):
+            before = len(ears.names)
+            table.advance(0.01)
+            most = max(most, len(ears.names) - before)
+        assert sorted(ears.names) == sorted(names)
+        assert most == (1 if ticks >= len(names) else len(names))
+
+
+def test_twists_of_a_ball_come_every_tick_while_it_moves_and_once_when_it_rests(
+    table: TableNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ears = Ears()
+    monkeypatch.setattr(table._publisher, "_twists_publisher", ears)
+    monkeypatch.setattr(table._publisher, "_turns", np.full(16, -1))  # nobody's turn
+    table.advance(0.01)
+    ears.names.clear()
+    table.simulation.strike((1.0, 0.0, 0.0))
+    moving = 0
+    while not table.simulation.at_rest:
+        table.advance(0.01)
+        moving += 1
+    table.advance(0.01)
+    table.advance(0.01)
+    assert ears.names == ["cue"] * moving  # the last with velocity 0
 
 
 def test_time_that_is_lost_is_told(table: TableNode, capfd: pytest.CaptureFixture[str]) -> None:

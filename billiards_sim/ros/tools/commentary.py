@@ -29,8 +29,13 @@ class Commentary:
         return self.counts["shot"] > 0 and not self._moving
 
     def take(self, event: dict[str, Any]) -> str:
-        """Note an event; returns the line that tells of it, or nothing for the end of slip or of motion."""
+        """Note an event; returns the line that tells of it, or nothing for the end of slip or of motion.
+
+        What comes before the shot belongs to an earlier one.
+        """
         kind = event["kind"]
+        if not self.counts["shot"] and kind != "shot":
+            return ""
         self.counts[kind] += 1
         self.last_time = event["time"]
         if kind == "shot":

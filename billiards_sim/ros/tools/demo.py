@@ -40,7 +40,7 @@ class Spectator(Node):
         self.commentary = Commentary()
         self.largest_overlap = 0.0
         self.at_rest: bool | None = None
-        self.create_subscription(String, "collisions", self._on_collision, 1000)
+        self.create_subscription(String, "collisions", self._on_collisions, 100)
         self.create_subscription(PoseArray, "balls/poses", self._on_poses, 100)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
 
@@ -54,10 +54,11 @@ class Spectator(Node):
         """Whether the shot is over and the last event has arrived."""
         return self.commentary.finished and self.at_rest is True
 
-    def _on_collision(self, message: String) -> None:
-        line = self.commentary.take(json.loads(message.data))
-        if line:
-            print(line, flush=True)
+    def _on_collisions(self, message: String) -> None:
+        for event in json.loads(message.data)["events"]:
+            line = self.commentary.take(event)
+            if line:
+                print(line, flush=True)
 
     def _on_poses(self, message: PoseArray) -> None:
         self.balls = len(message.poses)

@@ -23,6 +23,7 @@ import numpy as np
 from geometry_msgs.msg import PoseArray, VelocityStamped
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
@@ -31,12 +32,16 @@ from billiards_sim.ros.process import Child, Stopped, isolate, ros, stoppable
 from billiards_sim.ros.state_publisher import LATCHED
 
 TOPICS = {
+    "states": ("balls/states", MultiDOFJointState),
     "poses": ("balls/poses", PoseArray),
     "twists": ("balls/twists", VelocityStamped),
     "markers": ("markers", MarkerArray),
     "collisions": ("collisions", String),
 }
 """What can be subscribed, by the name on the command line."""
+
+EVERY_TICK = ("states", "poses")
+"""Those of which each tick sends one message: the first that is subscribed tells the ticks."""
 
 BALLS = 16
 SHOT = ("128", "10")  # N, off centre: it sets every ball in motion
@@ -66,13 +71,15 @@ class Listener(Node):
         self.arrivals: list[float] = []
         self.counts: Counter[str] = Counter()
         self.at_rest: bool | None = None
+        topics = tuple(topics)
+        ticks = next((name for name in EVERY_TICK if name in topics), None)
         for name in topics:
             topic, kind = TOPICS[name]
-            callback = self._on_poses if name == "poses" else partial(self._count, name)
+            callback = self._on_tick if name == ticks else partial(self._count, name)
             self.create_subscription(kind, topic, callback, DEPTH, raw=True)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
 
-    def _on_poses(self, _: bytes) -> None:
+    def _on_tick(self, _: bytes) -> None:
         self.arrivals.append(time.monotonic())
 
     def _count(self, name: str, _: bytes) -> None:
@@ -150,7 +157,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--topics",
         type=topic_names,
-        default="poses,twists,markers",
+        default="states,markers",
         metavar="T,T",
         help=f"to subscribe: all, none or some of {','.join(TOPICS)} (%(default)s)",
     )
@@ -190,8 +197,8 @@ def _measure(options: argparse.Namespace, table_arguments: Sequence[str]) -> Non
             print(json.dumps({"balls": balls, "topics": options.topics, **figures}), flush=True)
 
         def heard() -> bool:
-            poses = "poses" not in options.topics or bool(listener.arrivals)
-            return poses and ("twists" not in options.topics or listener.counts["twists"] >= BALLS)
+            ticks = not any(name in options.topics for name in EVERY_TICK) or bool(listener.arrivals)
+            return ticks and ("twists" not in options.topics or listener.counts["twists"] >= BALLS)
 
         wait(lambda: listener.at_rest is True and heard())
         settle()

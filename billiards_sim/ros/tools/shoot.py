@@ -70,7 +70,7 @@ class Shooter(Node):
         # subscriptions of a process in the order of their making. So once at_rest is here, the answers will be.
         self.create_subscription(String, "shot_result", self._on_answer, 100)
         self.create_subscription(String, "preview/result", self._on_answer, 100)
-        self.create_subscription(String, "collisions", self._on_collision, 1000)
+        self.create_subscription(String, "collisions", self._on_collisions, 100)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
         self._shots = self.create_publisher(WrenchStamped, "cue_shot", 10)
@@ -189,8 +189,8 @@ class Shooter(Node):
         if answer["request"] == self._request:
             self._answer = answer
 
-    def _on_collision(self, message: String) -> None:
-        self._events.append(json.loads(message.data))
+    def _on_collisions(self, message: String) -> None:
+        self._events.extend(json.loads(message.data)["events"])
 
     def _on_at_rest(self, message: Bool) -> None:
         self._at_rest = message.data
