@@ -12,7 +12,17 @@ import pytest
 from conftest import Site
 
 REPOSITORY = Path(__file__).parents[2]
-SOURCES = ("package.xml", "setup.py", "setup.cfg", "pyproject.toml", "resource", "config", "billiards_sim", "LICENSE")
+SOURCES = (
+    "package.xml",
+    "setup.py",
+    "setup.cfg",
+    "pyproject.toml",
+    "resource",
+    "config",
+    "launch",
+    "billiards_sim",
+    "LICENSE",
+)
 BUILD_TIMEOUT = 120.0
 
 
@@ -47,7 +57,7 @@ def test_share_holds_the_configuration_and_the_marker(prefix: Path) -> None:
     assert (share / "ament_index/resource_index/packages/billiards_sim").is_file()
     # colcon makes this one for ament packages only, not for what it takes for a plain Python package.
     assert (share / "billiards_sim/hook/ament_prefix_path.sh").is_file()
-    for name in ("package.xml", "config/table.yaml", "config/table.rviz"):
+    for name in ("package.xml", "config/table.yaml", "config/table.rviz", "launch/table.launch.py"):
         installed = share / "billiards_sim" / name
         assert installed.read_text() == (REPOSITORY / name).read_text()
 
