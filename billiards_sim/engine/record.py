@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -120,17 +119,26 @@ class Run:
         if ball not in self.scene.names:
             raise ValueError(f"no ball is named {ball!r}; the balls are {', '.join(self.scene.names)}")
         index = self.scene.names.index(ball)
-        first, last = self._first[index : index + 2]
-        began, size = self._times[first:last], np.hypot(*self._accelerations[first:last].T)
-        times = [self.start]
-        for begin, end in pairwise(np.unique([self.start, *self._event_times[ball], self.end])):
-            within = slice(np.searchsorted(began, begin, "right") - 1, np.searchsorted(began, end, "left"))
-            parts = math.ceil((end - begin) * math.sqrt(size[within].max() / (8.0 * CHORD)))
-            times.extend(np.linspace(begin, end, max(parts, 1) + 1)[1:].tolist())
-        points = self._positions(*self._arcs_of(index, np.array(times)))
+        times = self._path_times(index, np.unique([self.start, *self._event_times[ball], self.end]))
+        points = self._positions(*self._arcs_of(index, times))
         stays = len(points) > 1 and np.array_equal(points[-1], points[-2])
         path = np.column_stack((times, points))
         return path[:-1] if stays else path
+
+    def _path_times(self, ball: int, stops: Array) -> Array:
+        # (K,) the stops, (S,), and what is needed between two of them, after the largest acceleration there.
+        first, last = self._first[ball : ball + 2]
+        begin, end = stops[:-1], stops[1:]
+        began = self._times[first:last]
+        low, high = np.searchsorted(began, begin, "right") - 1, np.searchsorted(began, end, "left")
+        sizes = np.append(np.hypot(*self._accelerations[first:last].T), 0.0)
+        largest = np.maximum.reduceat(sizes, np.column_stack((low, high)).ravel())[::2]
+        parts = np.maximum(np.ceil((end - begin) * np.sqrt(largest / (8.0 * CHORD))), 1.0).astype(np.intp)
+        part = np.arange(1, parts.sum() + 1) - np.repeat(np.cumsum(parts) - parts, parts)  # 1, 2 .. in each stretch
+        stretch = np.repeat(np.arange(len(parts)), parts)
+        share = part / parts[stretch]
+        between = np.where(share < 1.0, begin[stretch] + (end - begin)[stretch] * share, end[stretch])
+        return np.append(stops[0], between)
 
     def _arcs(self, times: ArrayLike) -> tuple[Indices, Array]:
         # (T, N) the arcs that the balls are on at times, and (T, N, 1) s since these began.

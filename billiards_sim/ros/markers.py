@@ -259,9 +259,9 @@ def preview_markers(preview: Preview | None, names: Sequence[str], radius: float
             continue  # a translucent ball where the ball itself lies would only tint it
         line = _marker("preview_paths", index, Marker.LINE_STRIP, _line_colour(name))
         line.scale.x = PATH_WIDTH
-        line.points = [Point(x=x, y=y, z=radius) for x, y in path]
+        line.points = [Point(x=x, y=y, z=radius) for _, x, y in path]
         ball = _marker("preview_balls", index, Marker.SPHERE, ball_colour(name))
-        ball.pose.position.x, ball.pose.position.y = path[-1]
+        _, ball.pose.position.x, ball.pose.position.y = path[-1]
         ball.pose.position.z = radius
         ball.scale.x = ball.scale.y = ball.scale.z = 2.0 * radius
         ball.color.a = PREVIEW_OPACITY

@@ -8,16 +8,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from billiards_sim.engine.events import Event
+from billiards_sim.engine.record import Run
 from billiards_sim.engine.scene import Shot
 from billiards_sim.engine.simulation import Simulation
+from billiards_sim.engine.trajectory import Recorder
 from billiards_sim.ros.messages import Stamps, answer_record, collision_record
 
 SLICE = 0.05
-"""s of simulated time between the points of a path at the start, beside those of the events: a ball that slides after
-a hard collision curves for some half a second."""
+"""s of simulated time that is played at once at the start, when events are dense."""
 
-GROWTH = 0.1
-"""Later slices in shares of the time since the shot: slow balls roll straight, and few slices are quick."""
+GROWTH = 1.0
+"""Later slices in shares of the time since the shot: few slices are quick."""
 
 HORIZON = 60.0
 """s of simulated time after which a preview ends, for tables whose balls hardly come to rest."""
@@ -35,19 +36,20 @@ class Preview:
         end: time of the last state, s.
         complete: whether every ball rests at the end; else the preview ran into `HORIZON` or `MOST_EVENTS`.
         events: in order.
-        paths: of each ball the points (x, y), m, that its centre passes; a single one for a ball that stays.
+        paths: of each ball the points (t, x, y), simulated s and m, that its centre passes, in order, as `Run.path`
+            has them; the struck ball's begin where it lay before the cue pushed it. A single one for a ball that stays.
     """
 
     start: float
     end: float
     complete: bool
     events: Sequence[Event]
-    paths: Sequence[Sequence[tuple[float, float]]]
+    paths: Sequence[Sequence[tuple[float, float, float]]]
 
     @property
     def final_positions(self) -> list[tuple[float, float]]:
         """(N, 2) m."""
-        return [path[-1] for path in self.paths]
+        return [(x, y) for _, x, y in (path[-1] for path in self.paths)]
 
 
 def predict(simulation: Simulation, shot: Shot) -> Preview:
@@ -55,27 +57,21 @@ def predict(simulation: Simulation, shot: Shot) -> Preview:
 
     Raises:
         ValueError: as `Simulation.strike`.
-        StallError: as `Simulation.advance`.
+        StallError: as `Simulation.run`.
     """
     twin = simulation.copy()
-    names = twin.start_scene.names
-    radius = twin.start_scene.physics.radius
-    paths = [[(x, y)] for x, y in twin.positions.tolist()]
-    twin.strike(shot.force, shot.offset, shot.ball)
-    _extend(paths, twin)
-    events: list[Event] = []
     start = twin.time
-    end = start
-    while not twin.at_rest and twin.time - start < HORIZON and len(events) < MOST_EVENTS:
-        elapsed = twin.time - start
-        new = list(twin.advance(min(max(SLICE, GROWTH * elapsed), HORIZON - elapsed)))
-        for event in new:
-            for ball, centre in zip(event.balls, _centres(event, radius)):
-                paths[names.index(ball)].append(centre)
-        _extend(paths, twin)
-        events += new
-        end = events[-1].time if twin.at_rest else twin.time
-    return Preview(start, end, twin.at_rest, events, paths)
+    lay = [(start, x, y) for x, y in twin.positions.tolist()]
+    twin.strike(shot.force, shot.offset, shot.ball)
+    recorder = Recorder(len(lay))
+    log = twin.run(start, recorder)
+    while not twin.at_rest and twin.time < start + HORIZON and len(log) < MOST_EVENTS:
+        log += twin.run(min(twin.time + max(SLICE, GROWTH * (twin.time - start)), start + HORIZON), recorder)
+    events = list(log)
+    end = events[-1].time if twin.at_rest else twin.time
+    run = Run(twin.start_scene, recorder, events, start, end)
+    paths = [[tuple(point) for point in run.path(ball).tolist()] for ball in run.scene.names]
+    return Preview(start, end, twin.at_rest, events, [_from(point, path) for point, path in zip(lay, paths)])
 
 
 def preview_json(
@@ -97,18 +93,5 @@ def preview_json(
     return json.dumps(answer)
 
 
-def _extend(paths: list[list[tuple[float, float]]], simulation: Simulation) -> None:
-    for path, (x, y) in zip(paths, simulation.positions.tolist()):
-        if path[-1] != (x, y):
-            path.append((x, y))
-
-
-def _centres(event: Event, radius: float) -> list[tuple[float, float]]:
-    # Of the event's balls. The normal points from the second ball, or from the rail, to the first.
-    x, y = event.point
-    if event.kind == "shot":
-        return []  # its point is the tip of the cue
-    if event.kind not in ("ball_ball", "ball_rail"):
-        return [(x, y)]
-    across, along = event.normal
-    return [(x + side * radius * across, y + side * radius * along) for side in (1.0, -1.0)]
+def _from(lay: tuple[float, float, float], path: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    return path if path[0] == lay else [lay, *path]

@@ -8,6 +8,7 @@ from process import positions
 from visualization_msgs.msg import Marker
 
 import billiards_sim as bs
+from billiards_sim.engine import record
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros import markers, messages, preview
 from billiards_sim.ros.wrench import wrench_from_shot
@@ -42,40 +43,42 @@ def test_paths_pass_through_every_contact() -> None:
         if event.kind not in ("ball_ball", "ball_rail"):
             continue
         for name in event.balls:
-            path = np.array(found.paths[simulation.start_scene.names.index(name)])
+            path = np.array(found.paths[simulation.start_scene.names.index(name)])[:, 1:]
             gaps = np.hypot(*(path - event.point).T)
             assert np.abs(gaps - RADIUS).min() < 1e-9
     for name, path, start in zip(simulation.start_scene.names, found.paths, simulation.positions.tolist()):
-        assert path[0] == tuple(start)
+        assert path[0] == (1.5, *start)
+        assert [t for t, _, _ in path] == sorted(t for t, _, _ in path)
         moved = any(name in event.balls for event in found.events)
         assert (len(path) > 1) is moved
 
 
-def distance_to_line(point: np.ndarray, line: np.ndarray) -> float:
-    """From a point to the nearest of the line's pieces, m."""
-    start, way = line[:-1], np.diff(line, axis=0)
-    share = np.clip(np.sum((point - start) * way, axis=1) / np.sum(way * way, axis=1), 0.0, 1.0)
-    return float(np.hypot(*(start + share[:, np.newaxis] * way - point).T).min())
-
-
-def test_curves_are_drawn_as_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_tell_where_a_ball_is_at_every_time(monkeypatch: pytest.MonkeyPatch) -> None:
     # A fast cue ball with draw slides on along a parabola after a thin hit.
     simulation = bs.Simulation(bs.Scene([[0.5, 0.6], [0.9, 0.63]]))
     shot = Shot((60.0, 0.0, 0.0), (0.0, -0.014))
 
     def worst() -> float:
-        path = np.array(preview.predict(simulation, shot).paths[0])
+        t, x, y = np.array(preview.predict(simulation, shot).paths[0]).T
         twin = simulation.copy()
         twin.strike(shot.force, shot.offset)
         away = []
         while not twin.at_rest:
             twin.advance(0.01)
-            away.append(distance_to_line(twin.positions[0], path))
+            drawn = (np.interp(twin.time, t, x), np.interp(twin.time, t, y))
+            away.append(float(np.hypot(*(twin.positions[0] - drawn))))
         return max(away)
 
-    assert worst() < 0.002
-    monkeypatch.setattr(preview, "SLICE", 10.0)
+    assert worst() < record.CHORD * (1.0 + 1e-9)
+    monkeypatch.setattr(record, "CHORD", 10.0)
     assert worst() > 0.008
+
+
+def test_a_path_begins_where_the_ball_lay_before_the_cue_pushed_it() -> None:
+    simulation = bs.Simulation(bs.Scene([[0.5, 0.6]]))
+    path = preview.predict(simulation, Shot((80.0, 0.0, 0.0))).paths[0]
+    # s = F t^2 / (2 m)
+    assert np.array(path[:2]) == pytest.approx(np.array([[0.0, 0.5, 0.6], [0.0, 0.5 + 0.5 * 80.0 / 0.16 * 1e-4, 0.6]]))
 
 
 def test_a_table_without_friction_ends_at_the_horizon() -> None:
@@ -131,7 +134,7 @@ def test_markers_draw_paths_contacts_and_final_positions() -> None:
     assert all((one.action, one.header.frame_id, one.header.stamp.sec) == (Marker.ADD, "table", 1) for one in others)
     line = by_id["preview_paths", 1]
     assert (line.type, line.scale.x > 0.0) == (Marker.LINE_STRIP, True)
-    assert [(p.x, p.y, p.z) for p in line.points] == [(x, y, RADIUS) for x, y in found.paths[1]]
+    assert [(p.x, p.y, p.z) for p in line.points] == [(x, y, RADIUS) for _, x, y in found.paths[1]]
     contacts = by_id["preview_contacts", 0]
     hits = [event.point for event in found.events if event.kind in ("ball_ball", "ball_rail")]
     assert contacts.type == Marker.SPHERE_LIST
