@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[1]
 SPDX = "# SPDX-License-Identifier: Apache-2.0"
 SUFFIXES = (".py", ".yaml", ".toml", ".cfg", ".sh")
+EXTRAS = ("imageio_ffmpeg", "matplotlib", "mpmath", "mujoco", "numba", "PIL", "pymunk", "scipy", "tqdm")
+"""Modules that package.xml does not ask for: `colcon test` has to go without them."""
 
 
 def sources() -> list[Path]:
@@ -24,3 +28,15 @@ def test_every_source_file_names_its_licence_at_the_top() -> None:
     assert Path(__file__).relative_to(REPOSITORY) in found
     heads = {str(path): (REPOSITORY / path).read_text(encoding="utf-8").splitlines()[:2] for path in found}
     assert [path for path, head in heads.items() if SPDX not in head] == []
+
+
+def test_every_test_can_be_collected_with_the_dependencies_of_a_robot_alone() -> None:
+    collect = f"""
+import sys, pytest
+sys.modules.update(dict.fromkeys({EXTRAS}))
+sys.exit(pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider", "test"]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", collect], cwd=REPOSITORY, capture_output=True, text=True, timeout=120.0, check=False
+    )
+    assert done.returncode == 0, done.stdout[-3000:]

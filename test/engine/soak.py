@@ -18,7 +18,6 @@ from multiprocessing import Pool
 import numpy as np
 from checks import Extremes, extremes, random_scene
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 import billiards_sim as bs
 
@@ -126,6 +125,8 @@ def broken_laws(worst: Extremes) -> list[str]:
 
 def soak(name: str, run: Callable[[int], Extremes], count: int) -> bool:
     """Run `count` seeds, print the worst figures; returns whether every law held."""
+    from tqdm import tqdm
+
     outcomes = []
     with Pool(os.cpu_count()) as pool:
         jobs = pool.imap_unordered(attempt, [(run, seed) for seed in range(count)], chunksize=8)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 
-import mpmath
 import numpy as np
 import pytest
 from checks import AT_X_MAX, AT_Y_MAX, RADIUS, ROLLING, SLIDING, extremes
@@ -26,6 +25,7 @@ def in_a_row(*velocities_and_spins, start=0.8) -> bs.Scene:
 @pytest.mark.parametrize("vy, wx", [(0.0, 0.0), (0.5, 0.0), (0.5, 60.0), (-0.3, -20.0)])
 def test_topspin_along_a_rail_leaves_by_the_closed_form(vy: float, wx: float) -> None:
     # Pressed from the start: with s from ds = mu_s g dt/|u|, ux falls as exp(-5s/2) and uy as exp(-7s/2).
+    mpmath = pytest.importorskip("mpmath")
     ux, uy = -RADIUS * 150.0, vy + RADIUS * wx
     simulation = bs.Simulation(bs.Scene([[AT_X_MAX, 0.6]], [[0.0, vy]], [[wx, 150.0, 0.0]]))
     events = simulation.run(until=1.0)

@@ -19,7 +19,6 @@ import math
 from types import ModuleType
 from typing import NamedTuple
 
-import mpmath
 import numpy as np
 import pytest
 from checks import DATA
@@ -136,6 +135,7 @@ def test_solutions_come_out_again(pairs: Pairs, kind: str) -> None:
 
 
 def test_solutions_are_the_first_roots_that_a_polynomial_solver_finds(pairs: Pairs) -> None:
+    mpmath = pytest.importorskip("mpmath")
     apart = np.hypot(pairs.inputs[:, 0], pairs.inputs[:, 1]) > 1.00001 * DIAMETER
     curved = (pairs.inputs[:, 4] != 0.0) | (pairs.inputs[:, 5] != 0.0)
     hit = np.isfinite(pairs.exact)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 
-import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -28,6 +27,7 @@ acceleration = numbers(-4.0, 4.0)
 
 
 def polynomial_roots(ascending: list) -> list:
+    mpmath = pytest.importorskip("mpmath")
     while ascending and abs(ascending[-1]) < mpmath.mpf(10) ** -50:
         ascending = ascending[:-1]
     return mpmath.polyroots(ascending, maxsteps=500, extraprec=400, asc=True) if len(ascending) > 1 else []
@@ -35,6 +35,7 @@ def polynomial_roots(ascending: list) -> list:
 
 def exact_contact_time(px, py, vx, vy, ax, ay, horizon) -> float:
     """First root of |q|^2 - D^2 from above, by mpmath's polynomial roots to 40 digits."""
+    mpmath = pytest.importorskip("mpmath")
     with mpmath.workdps(60):
         px, py, vx, vy, ax, ay = (mpmath.mpf(value) for value in (px, py, vx, vy, ax, ay))
         quartic = [
@@ -125,6 +126,7 @@ def test_just_collided_pair_is_not_collided_again_by_rounding() -> None:
 
 @given(numbers(0.0, 2.0), velocity, acceleration)
 def test_rail_contact_is_where_the_parabola_meets_the_rail(distance, speed, pull) -> None:
+    mpmath = pytest.importorskip("mpmath")
     found = rail_contact_time(distance, speed, pull, LEAST)
     with mpmath.workdps(40):
         d, v, a = mpmath.mpf(distance), mpmath.mpf(speed), mpmath.mpf(pull)

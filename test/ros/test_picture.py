@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 import yaml
 from geometry_msgs.msg import Point
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+pytest.importorskip("matplotlib")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker, MarkerArray
 
 import billiards_sim as bs
 from billiards_sim.colours import CLOTH, WHITE, WOOD, ball_colour

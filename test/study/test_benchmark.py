@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from extras import needs_plot_extra
 
 import billiards_sim as bs
 from billiards_sim.study import benchmark, chaos, measure, precision, report, speed
@@ -323,6 +324,7 @@ def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]
     )
 
 
+@needs_plot_extra
 def test_a_tiny_study_prints_and_writes_everything(tmp_path: Path) -> None:
     readme = tmp_path / "README.md"
     readme.write_text(f"{report.BEGIN}\n{report.END}\n", encoding="utf-8")
@@ -346,6 +348,7 @@ def test_a_tiny_study_prints_and_writes_everything(tmp_path: Path) -> None:
     assert (again / "chaos.png").stat().st_size > 10_000
 
 
+@needs_plot_extra
 def test_every_part_is_in_the_report_and_the_pictures(tmp_path: Path) -> None:
     results = benchmark.read(FIGURES)
     benchmark.write(results, tmp_path)
@@ -377,6 +380,7 @@ def test_a_mistake_is_one_line_and_code_2(arguments: tuple[str, ...]) -> None:
     assert "Traceback" not in done.stderr
 
 
+@needs_plot_extra
 @pytest.mark.parametrize("module", ["matplotlib", "tqdm"])
 def test_without_an_extra_one_line_names_it(tmp_path: Path, module: str) -> None:
     (tmp_path / module).mkdir()
@@ -388,6 +392,7 @@ def test_without_an_extra_one_line_names_it(tmp_path: Path, module: str) -> None
     assert not (tmp_path / "out").exists()
 
 
+@needs_plot_extra
 def test_an_interrupted_study_writes_nothing(tmp_path: Path) -> None:
     child = subprocess.Popen(
         [sys.executable, "-m", "billiards_sim", "benchmark", "--parts", "precision", "--output", str(tmp_path / "out")],

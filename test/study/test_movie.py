@@ -14,10 +14,14 @@ import termios
 from collections.abc import Sequence
 from pathlib import Path
 
-import imageio_ffmpeg
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+pytest.importorskip("PIL")
+pytest.importorskip("tqdm")
+pytest.importorskip("imageio_ffmpeg")
+import imageio_ffmpeg
 from PIL import Image
 
 import billiards_sim as bs

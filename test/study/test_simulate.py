@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
+from extras import needs_plot_extra
 
 import billiards_sim as bs
 from billiards_sim.study import simulate
@@ -96,6 +96,7 @@ def test_json_reads_back_as_the_engines_result_to_the_bit(tmp_path: Path) -> Non
     assert [*document["events"][0]] == [field.name for field in dataclasses.fields(bs.Event)]
 
 
+@needs_plot_extra
 @pytest.mark.parametrize("name", ["time_step", "paper"])
 def test_json_of_a_stepped_solver_is_its_result_whatever_else_is_written(tmp_path: Path, name: str) -> None:
     options = ("glancing", "--solver", name, "--time-step", "0.003", "--until", "0.777")
@@ -224,8 +225,11 @@ def test_a_scene_where_nothing_moves_says_so(capsys: pytest.CaptureFixture[str])
     assert "nothing moved: the scene has no shot" in capsys.readouterr().out
 
 
+@needs_plot_extra
 def test_plot_is_a_picture_of_the_table_to_scale(tmp_path: Path) -> None:
     path = tmp_path / "out.png"
+    from PIL import Image
+
     assert simulate.main(["glancing", "--plot", str(path)]) == 0
     with Image.open(path) as image:
         assert image.format == "PNG"
@@ -345,6 +349,7 @@ def test_an_interrupted_run_is_one_line_and_code_1(
     assert_refused(capsys, simulate.main(["head_on"]), 1, "stopped")
 
 
+@needs_plot_extra
 @pytest.mark.parametrize(
     "option, file, module, package",
     [
