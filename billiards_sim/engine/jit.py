@@ -14,9 +14,10 @@ import importlib
 import sys
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import astuple, fields
+from dataclasses import fields
 from functools import cache
 from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -75,15 +76,41 @@ def take_rows(table: Any, indices: NDArray[np.intp]) -> Any:
     return table[indices] if COMPILED else [copy(table[index]) for index in indices.tolist()]
 
 
+def table_of(record: Row) -> Sequence[Row]:
+    """A table of one record with the values of this one."""
+    if not COMPILED:
+        return [record]
+    table = rows(type(record), 1)
+    table[0] = _values(type(record))(record)  # type: ignore[index, arg-type]
+    return table
+
+
+def get_field(table: Sequence[Any], row: int, field: str) -> Any:
+    """A value of a record as a Python number; many times faster than an attribute of a NumPy record."""
+    return table[field].item(row) if COMPILED else getattr(table[row], field)  # type: ignore[call-overload]
+
+
+def set_fields(table: Sequence[Any], row: int, **values: float) -> None:
+    """Give fields of a record values."""
+    for field, value in values.items():
+        if COMPILED:
+            table[field][row] = value  # type: ignore[call-overload]
+        else:
+            setattr(table[row], field, value)
+
+
 def as_tuple(record: Any) -> tuple[Any, ...]:
     """The values of a record as Python numbers."""
-    return record.item() if COMPILED else astuple(record)
+    return record.item() if COMPILED else _values(type(record))(record)  # type: ignore[arg-type]
 
 
 def columns(table: Sequence[Any], *fields: str) -> NDArray[np.float64]:
     """(rows, fields) the values of some fields of records, a copy."""
     if COMPILED:
-        return np.stack([table[field] for field in fields], axis=1)  # type: ignore[call-overload]
+        values = np.empty((len(table), len(fields)))
+        for column, field in enumerate(fields):
+            values[:, column] = table[field]  # type: ignore[call-overload]
+        return values
     return np.array([[getattr(row, field) for field in fields] for row in table], dtype=np.float64)
 
 
@@ -96,6 +123,11 @@ def set_columns(table: Sequence[Any], fields: Sequence[str], values: NDArray[Any
         for row, numbers in zip(table, values.tolist()):
             for field, number in zip(fields, numbers):
                 setattr(row, field, number)
+
+
+@cache
+def _values(kind: type[Any]) -> Callable[[Any], tuple[Any, ...]]:
+    return attrgetter(*(field.name for field in fields(kind)))
 
 
 @cache

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.jit import columns, rows, set_columns, take_rows
+from billiards_sim.engine.moment import inner_time
 from billiards_sim.engine.orientation import End, Turn, turn_along, turn_each
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
@@ -47,6 +48,7 @@ class Run:
         orientations: Array | None = None,
     ) -> None:
         self.scene, self.events, self.start, self.end = scene, events, start, end
+        self._epoch = recorder.epoch
         arcs = recorder.arcs()
         balls = columns(arcs, "ball")[:, 0].astype(np.intp)
         by_ball = np.argsort(balls, kind="stable")
@@ -99,7 +101,7 @@ class Run:
         arcs, _ = self._arcs(times)
         turns = take_rows(self._turns, arcs.ravel())
         ends = rows(End, arcs.size)
-        set_columns(ends, ("time",), np.repeat(np.asarray(times, dtype=np.float64), len(self.scene))[:, np.newaxis])
+        set_columns(ends, ("time",), np.repeat(self._inner(times), len(self.scene))[:, np.newaxis])
         turn_each(turns, ends)
         since = columns(turns, "qx", "qy", "qz", "qw")
         if self._orientations is not None:
@@ -120,7 +122,7 @@ class Run:
             raise ValueError(f"no ball is named {ball!r}; the balls are {', '.join(self.scene.names)}")
         index = self.scene.names.index(ball)
         times = self._path_times(index, np.unique([self.start, *self._event_times[ball], self.end]))
-        points = self._positions(*self._arcs_of(index, times))
+        points = self._positions(*self._arcs_of(index, self._inner(times)))
         stays = len(points) > 1 and np.array_equal(points[-1], points[-2])
         path = np.column_stack((times, points))
         return path[:-1] if stays else path
@@ -130,7 +132,8 @@ class Run:
         first, last = self._first[ball : ball + 2]
         begin, end = stops[:-1], stops[1:]
         began = self._times[first:last]
-        low, high = np.searchsorted(began, begin, "right") - 1, np.searchsorted(began, end, "left")
+        low = np.searchsorted(began, self._inner(begin), "right") - 1
+        high = np.searchsorted(began, self._inner(end), "left")
         sizes = np.append(np.hypot(*self._accelerations[first:last].T), 0.0)
         largest = np.maximum.reduceat(sizes, np.column_stack((low, high)).ravel())[::2]
         parts = np.maximum(np.ceil((end - begin) * np.sqrt(largest / (8.0 * CHORD))), 1.0).astype(np.intp)
@@ -148,8 +151,14 @@ class Run:
         outside = ~((at >= self.start) & (at <= self.end))
         if outside.any():
             raise ValueError(f"times must lie in the run, {self.start:.9g} to {self.end:.9g} s, got {at[outside][0]!r}")
+        at = self._inner(at)
         found = [self._arcs_of(ball, at) for ball in range(len(self.scene))]
         return np.stack([arcs for arcs, _ in found], axis=1), np.stack([ages for _, ages in found], axis=1)
+
+    def _inner(self, times: ArrayLike) -> Array:
+        # Of the kernels' clock, by which the arcs go.
+        at = np.asarray(times, dtype=np.float64)
+        return np.array([inner_time(time, self._epoch) for time in at.tolist()]) if self._epoch else at
 
     def _arcs_of(self, ball: int, times: Array) -> tuple[Indices, Array]:
         # (T,) and (T, 1) of one ball. Of several arcs that begin at the same time the last is what the others led to.
@@ -167,15 +176,16 @@ class Run:
         times: dict[str, list[float]] = {name: [] for name in self.scene.names}
         for event in self.events:
             for ball in event.balls:
-                times[ball].append(event.time)
+                times[ball].append(max(event.time, self.start))
         return times
 
     @cached_property
     def _turns(self) -> Sequence[Turn]:
         # How the balls are turned where their arcs begin. What was on its way already counts from the start.
+        start = inner_time(self.start, self._epoch)
         begun, spins = self._times.copy(), self._spins.copy()
         for first in self._first[:-1]:
-            age = max(self.start - begun[first], 0.0)
+            age = max(start - begun[first], 0.0)
             spins[first, 0:2] += self._spin_rates[first] * age
             begun[first] += age
         turns = rows(Turn, len(begun))

@@ -19,9 +19,19 @@ from billiards_sim.engine.contact import free_ball
 from billiards_sim.engine.cue import Strike, strike
 from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
-from billiards_sim.engine.jit import as_tuple, columns, copy_rows, join_rows, rows, set_columns
-from billiards_sim.engine.loop import CONTACTS_PER_BALL, PAUSED, run_until
-from billiards_sim.engine.orientation import Turn, turn_all
+from billiards_sim.engine.jit import (
+    as_tuple,
+    columns,
+    copy_rows,
+    get_field,
+    join_rows,
+    rows,
+    set_fields,
+    table_of,
+)
+from billiards_sim.engine.loop import PAUSED, run_until
+from billiards_sim.engine.moment import Moment, begun_anew, copied, start
+from billiards_sim.engine.orientation import turn_all
 from billiards_sim.engine.scene import Scene, Shot, save_scene
 from billiards_sim.engine.state import (
     AT_REST,
@@ -29,14 +39,7 @@ from billiards_sim.engine.state import (
     NOBODY,
     ROLLING,
     SLIDING,
-    Ball,
-    Clock,
-    Constants,
-    Contact,
-    Impact,
     Record,
-    Slot,
-    State,
     constants,
 )
 from billiards_sim.engine.trajectory import Recorder, blank_tape, run_followed
@@ -47,9 +50,6 @@ BATCH = 100_000
 EVENT_BUDGET = 1_000_000
 """Passes of the event loop until which the fastest ball must have come further than its radius. A break takes a few
 hundred in all, the worst cluster of balls pressed together some ten thousand."""
-
-LOG_ROWS = 1024
-"""Events that the kernels log before they hand them over."""
 
 
 class StallError(RuntimeError):
@@ -126,26 +126,11 @@ class EventLog(Sequence[Event]):
 
 
 @dataclass(frozen=True)
-class BeforeShot:
-    """What was on the table when a shot was made, and the arguments of `Simulation.strike`."""
-
-    balls: Sequence[Ball]
-    time: float
-    force: Sequence[float]
-    offset: Sequence[float]
-    ball: str
-
-
-@dataclass(frozen=True)
 class Snapshot:
     """The state of a simulation at a time; made by `Simulation.snapshot`, for `Simulation.restore`."""
 
     scene: Scene
-    state: State
-    time: float
-    time_rest: float
-    before_shot: BeforeShot | None
-    turns: Sequence[Turn]
+    moment: Moment
 
 
 class Simulation:
@@ -160,11 +145,7 @@ class Simulation:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._constants = constants(scene.physics, scene.table, len(scene))
-        self._state = _start(scene, self._constants)
-        self._time = 0.0
-        self._time_rest = 0.0  # what rounding keeps out of _time when it is a sum of steps
-        self._before_shot: BeforeShot | None = None
-        self._turns = _upright(len(scene) if scene.track_orientation else 0)
+        self._now = start(scene, self._constants)
 
     @property
     def start_scene(self) -> Scene:
@@ -174,26 +155,26 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time since the start, s."""
-        return self._time
+        return self._now.time
 
     @property
     def positions(self) -> NDArray[np.float64]:
         """(N, 2) m, frame `table`, a copy."""
         dt = self._ages()
-        motion = columns(self._state.balls, "x", "y", "vx", "vy", "ax", "ay")
+        motion = columns(self._now.state.balls, "x", "y", "vx", "vy", "ax", "ay")
         return motion[:, 0:2] + (motion[:, 2:4] + 0.5 * motion[:, 4:6] * dt) * dt + self._centre
 
     @property
     def velocities(self) -> NDArray[np.float64]:
         """(N, 2) m/s, a copy."""
-        motion = columns(self._state.balls, "vx", "vy", "ax", "ay")
+        motion = columns(self._now.state.balls, "vx", "vy", "ax", "ay")
         return motion[:, 0:2] + motion[:, 2:4] * self._ages()
 
     @property
     def angular_velocities(self) -> NDArray[np.float64]:
         """(N, 3) rad/s, a copy."""
-        spins = columns(self._state.balls, "wx", "wy", "wz")
-        spins[:, 0:2] += columns(self._state.balls, "alpha_x", "alpha_y") * self._ages()
+        spins = columns(self._now.state.balls, "wx", "wy", "wz")
+        spins[:, 0:2] += columns(self._now.state.balls, "alpha_x", "alpha_y") * self._ages()
         return spins
 
     @property
@@ -208,14 +189,14 @@ class Simulation:
         """
         if not self._scene.track_orientation:
             raise ValueError("orientations are there only with Scene(..., track_orientation=True)")
-        turns = copy_rows(self._turns)
-        turn_all(turns, self._time)
+        turns = copy_rows(self._now.turns)
+        turn_all(turns, self._now.inner)
         return columns(turns, "qx", "qy", "qz", "qw")
 
     @property
     def at_rest(self) -> bool:
         """Whether every ball rests. A ball that spins about the vertical on the spot rests."""
-        return not columns(self._state.balls, "phase").any()
+        return not columns(self._now.state.balls, "phase").any()
 
     @property
     def kinetic_energy(self) -> float:
@@ -234,16 +215,11 @@ class Simulation:
 
     def copy(self) -> Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
-        twin = object.__new__(Simulation)
-        twin._scene, twin._constants, twin._state = self._scene, self._constants, _copy(self._state)
-        twin._time, twin._time_rest, twin._before_shot = self._time, self._time_rest, self._before_shot
-        twin._turns = copy_rows(self._turns)
-        return twin
+        return self._at(copied(self._now))
 
     def snapshot(self) -> Snapshot:
         """The present state, to `restore` later, as often as wanted."""
-        state, turns = _copy(self._state), copy_rows(self._turns)
-        return Snapshot(self._scene, state, self._time, self._time_rest, self._before_shot, turns)
+        return Snapshot(self._scene, copied(self._now))
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a state of this simulation or of a copy of it.
@@ -253,10 +229,7 @@ class Simulation:
         """
         if snapshot.scene is not self._scene:
             raise ValueError("the snapshot is of a simulation of another scene")
-        self._state = _copy(snapshot.state)
-        self._time, self._time_rest = snapshot.time, snapshot.time_rest
-        self._before_shot = snapshot.before_shot
-        self._turns = copy_rows(snapshot.turns)
+        self._now = copied(snapshot.moment)
 
     def strike(self, force: Sequence[float], offset: Sequence[float] = (0.0, 0.0), ball: str = "cue") -> None:
         """Hit a resting ball with the cue (paper equations 1 to 12). The clock does not move.
@@ -278,34 +251,48 @@ class Simulation:
             raise ValueError(f"no ball is named {ball!r}; the balls are {', '.join(self._scene.names)}")
         index = self._scene.names.index(ball)
         struck = strike(force, offset, self._scene.physics)
-        row = self._state.balls[index]
-        if row.phase != AT_REST:
+        before = self._now
+        if get_field(before.state.balls, index, "phase") != AT_REST:
             speed = float(np.hypot(*self.velocities[index]))
             raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
-        self._before_shot = BeforeShot(copy_rows(self._state.balls), self._time, force, offset, ball)
         centre = (self.positions[index] - self._centre).tolist()
         way = self._free_way(index, struck)
-        clock = self._state.clock[0]
-        clock.now = self._time
-        if row.held > 0:
-            free_ball(self._state, self._constants, index, self._time)
-        elif not row.changed:
-            row.changed = True
-            self._state.changed[clock.changed].ball = index
-            clock.changed += 1
-        row.time = self._time
-        row.x, row.y = (centre[axis] + way * struck.displacement[axis] for axis in range(2))
-        row.vx, row.vy = struck.velocity[:2]
-        row.wx += struck.angular_velocity[0]
-        row.wy += struck.angular_velocity[1]
-        row.wz += struck.angular_velocity[2]
-        row.phase, row.reported = SLIDING, ROLLING
-        event = self._state.log[clock.events]
-        clock.events += 1
-        event.time, event.kind, event.first, event.second = self._time, SHOT, index, NOBODY
-        event.point_x, event.point_y = centre[0] + struck.tip[0], centre[1] + struck.tip[1]
-        event.normal_x, event.normal_y = struck.direction
-        event.approach, event.impulse = 0.0, struck.impulse
+        now = begun_anew(before) if self.at_rest else copied(before)
+        state, time = now.state, now.inner
+        set_fields(state.clock, 0, now=time)
+        if get_field(state.clock, 0, "begun"):
+            free_ball(state, self._constants, index, time)
+        wx, wy, wz = columns(state.balls[index : index + 1], "wx", "wy", "wz")[0].tolist()
+        set_fields(
+            state.balls,
+            index,
+            time=time,
+            x=centre[0] + way * struck.displacement[0],
+            y=centre[1] + way * struck.displacement[1],
+            vx=struck.velocity[0],
+            vy=struck.velocity[1],
+            wx=wx + struck.angular_velocity[0],
+            wy=wy + struck.angular_velocity[1],
+            wz=wz + struck.angular_velocity[2],
+            phase=SLIDING,
+            reported=ROLLING,
+        )
+        event = Record(
+            time=before.time,
+            kind=SHOT,
+            first=index,
+            second=NOBODY,
+            point_x=centre[0] + struck.tip[0],
+            point_y=centre[1] + struck.tip[1],
+            normal_x=struck.direction[0],
+            normal_y=struck.direction[1],
+            impulse=struck.impulse,
+        )
+        shot = Shot(force, offset, ball)  # type: ignore[arg-type]
+        self._now = now._replace(
+            pending=(*before.pending, table_of(event)),
+            last_shot=(before._replace(pending=(), last_shot=None), shot),
+        )
 
     def shoot(
         self,
@@ -339,12 +326,9 @@ class Simulation:
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be a finite number >= 0 (s), got {duration!r}")
-        # The clock is a sum of two floats, so that a thousand steps of 0.001 s end where one of 1 s does.
-        until = math.fsum((self._time, self._time_rest, duration))
-        rest = math.fsum((self._time, self._time_rest, duration, -until))
-        events = self._run_until(until)
-        self._time, self._time_rest = until, rest
-        return events
+        asked, rest = self._now.after(duration)
+        self._play(asked)
+        return self._hand_over(asked, rest)
 
     def run(self, until: float | None = None, recorder: Recorder | None = None) -> EventLog:
         """Go on until every ball rests, or until a time, s; returns the events.
@@ -363,15 +347,13 @@ class Simulation:
                     f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                     f"{physics.rolling_friction:g}: give run() a time `until`"
                 )
-            events = self._run_until(INF, recorder)
-            self._time = max(self._time, self._state.clock[0].now)
-        else:
-            if not (math.isfinite(until) and until >= self._time):
-                raise ValueError(f"until must be a finite time >= now, {self._time:.9g} s, got {until!r}")
-            events = self._run_until(until, recorder)
-            self._time = float(until)
-        self._time_rest = 0.0
-        return events
+            self._play(INF, recorder)
+            return self._hand_over(self._now.asked, self._now.rest)
+        if not (math.isfinite(until) and until >= self.time):
+            raise ValueError(f"until must be a finite time >= now, {self.time:.9g} s, got {until!r}")
+        asked, rest = self._now.at(float(until))
+        self._play(asked, recorder)
+        return self._hand_over(asked, rest)
 
     @property
     def _centre(self) -> NDArray[np.float64]:
@@ -379,23 +361,19 @@ class Simulation:
 
     def _origin(self) -> Scene:
         # What leads to the present state: the scene, or what was on the table at the last shot, with the shot.
-        before = self._before_shot
-        if before is None:
+        if self._now.last_shot is None:
             return self._scene
-        force_x, force_y, force_z = before.force
-        side, up = before.offset
-        twin = self.copy()
-        twin._state = twin._state._replace(balls=before.balls)
-        twin._time = before.time
-        return replace(
-            twin.scene(),
-            name=f"{self._scene.name} before a shot".strip(),
-            shot=Shot((force_x, force_y, force_z), (side, up), before.ball),
-        )
+        before, shot = self._now.last_shot
+        return replace(self._at(before).scene(), name=f"{self._scene.name} before a shot".strip(), shot=shot)
+
+    def _at(self, moment: Moment) -> Simulation:
+        twin = object.__new__(Simulation)
+        twin._scene, twin._constants, twin._now = self._scene, self._constants, moment
+        return twin
 
     def _ages(self) -> NDArray[np.float64]:
         # (N, 1) s since the anchors.
-        return self._time - columns(self._state.balls, "time")
+        return self._now.inner - columns(self._now.state.balls, "time")
 
     def _free_way(self, index: int, struck: Strike) -> float:
         # Share of the displacement under the cue, 0 to 1, that ends at the first ball or rail in the way.
@@ -411,78 +389,45 @@ class Simulation:
                 way = min(way, contact_time(px, py, *struck.displacement, 0.0, 0.0, 1.0, diameter, 0.0))
         return way
 
-    def _run_until(self, until: float, recorder: Recorder | None = None) -> EventLog:
-        clock = self._state.clock[0]
+    def _play(self, until: float, recorder: Recorder | None = None) -> None:
+        # Up to a time of the kernels' clock. The events wait.
+        now = self._now
+        clock = now.state.clock
         followed = recorder is not None or self._scene.track_orientation
-        tape = recorder.tape if recorder is not None else blank_tape(0)
-        chunks = []
-        passes, time = clock.passes, clock.now
+        if recorder is not None:
+            recorder.epoch = now.epoch
+        tape = recorder.tape if recorder is not None else blank_tape(0) if followed else None
+        passes, time = get_field(clock, 0, "passes"), get_field(clock, 0, "now")
         while True:
-            if followed:
-                status = run_followed(self._state, self._turns, tape, self._constants, until, BATCH)
+            if tape is not None:
+                status = run_followed(now.state, now.turns, tape, self._constants, until, BATCH)
             else:
-                status = run_until(self._state, self._constants, until, BATCH)
-            chunks.append(copy_rows(self._state.log[: clock.events]))
-            clock.events = 0
+                status = run_until(now.state, self._constants, until, BATCH)
+            count = get_field(clock, 0, "events")
+            if count > 0:
+                now = now._replace(pending=(*now.pending, now.on_the_table(now.state.log[:count])))
+                set_fields(clock, 0, events=0)
+                self._now = now
             if recorder is not None:
                 recorder.unload()
             if status != PAUSED:
-                return EventLog(chunks[0] if len(chunks) == 1 else join_rows(chunks), self._scene)
-            if clock.passes - passes >= EVENT_BUDGET:
-                speeds = np.hypot(*columns(self._state.balls, "vx", "vy").T)
-                if (clock.now - time) * float(speeds.max()) < self._scene.physics.radius:
-                    self._time, self._time_rest = float(clock.now), 0.0
-                    reason = f"no progress: {clock.passes - passes} steps from {time!r} to {clock.now!r} s"
-                    raise StallError(reason, self._origin(), EventLog(join_rows(chunks), self._scene))
-                passes, time = clock.passes, clock.now
+                return
+            done = get_field(clock, 0, "passes") - passes
+            if done >= EVENT_BUDGET:
+                speeds = np.hypot(*columns(now.state.balls, "vx", "vy").T)
+                gone = get_field(clock, 0, "now")
+                if (gone - time) * float(speeds.max()) < self._scene.physics.radius:
+                    reason = f"no progress: {done} steps from {time!r} to {gone!r} s"
+                    raise StallError(reason, self._origin(), self._hand_over(now.asked, now.rest))
+                passes, time = passes + done, gone
+
+    def _hand_over(self, asked: float, rest: float) -> EventLog:
+        now = self._now
+        self._now = now._replace(asked=asked, rest=rest, pending=())
+        return EventLog(_joined(now.pending), self._scene)
 
 
-def _start(scene: Scene, constants: Constants) -> State:
-    count = len(scene)
-    state = State(
-        balls=rows(Ball, count),
-        cells=rows(Slot, constants.cells_x * constants.cells_y),
-        nodes=rows(Slot, 2 << (count - 1).bit_length()),
-        changed=rows(Slot, count),
-        members=rows(Slot, count),
-        contacts=rows(Contact, CONTACTS_PER_BALL * count + 1),
-        impacts=rows(Impact, CONTACTS_PER_BALL * count),
-        clock=rows(Clock, 1),
-        log=_new_log(count),
-    )
-    moving = (scene.velocities != 0.0).any(axis=1) | (scene.angular_velocities[:, :2] != 0.0).any(axis=1)
-    set_columns(state.balls, ("x", "y"), scene.positions - scene.table.centre)
-    set_columns(state.balls, ("vx", "vy"), scene.velocities)
-    set_columns(state.balls, ("wx", "wy", "wz"), scene.angular_velocities)
-    set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), AT_REST))
-    return state
-
-
-def _upright(count: int) -> Sequence[Turn]:
-    turns = rows(Turn, count)
-    set_columns(turns, ("qw",), np.ones((count, 1)))
-    return turns
-
-
-def _new_log(count: int) -> Sequence[Record]:
-    return rows(Record, LOG_ROWS + (CONTACTS_PER_BALL + 1) * count)
-
-
-def _copy(state: State) -> State:
-    # What is scratch is made anew, of the log only what no call has handed over yet is copied.
-    count = len(state.balls)
-    pending = state.clock[0].events
-    log = _new_log(count)
-    if pending:
-        log[:pending] = copy_rows(state.log[:pending])  # type: ignore[index]
-    return State(
-        balls=copy_rows(state.balls),
-        cells=copy_rows(state.cells),
-        nodes=copy_rows(state.nodes),
-        changed=copy_rows(state.changed),
-        members=rows(Slot, count),
-        contacts=copy_rows(state.contacts),
-        impacts=rows(Impact, CONTACTS_PER_BALL * count),
-        clock=copy_rows(state.clock),
-        log=log,
-    )
+def _joined(tables: Sequence[Sequence[Record]]) -> Sequence[Record]:
+    if len(tables) == 1:
+        return tables[0]
+    return join_rows(tables) if tables else rows(Record, 0)

@@ -64,14 +64,18 @@ def blank_tape(count: int) -> Tape:
 
 
 class Recorder:
-    """Takes down the arcs of a run, or of several that follow each other.
+    """Takes down the arcs of a run, or of several that follow each other without a shot between.
 
     Args:
         count: number of balls.
+
+    Attributes:
+        epoch: time of the table, s, at which the kernels' clock was at 0, by which the arcs go.
     """
 
     def __init__(self, count: int) -> None:
         self.tape = blank_tape(count)
+        self.epoch = 0.0
         self._unloaded: list[Sequence[Arc]] = []
 
     def unload(self) -> None:

@@ -44,7 +44,16 @@ def many_balls() -> bs.Simulation:
     return bs.Simulation(bs.scenes.random_balls(40, 3))
 
 
-STARTS: tuple[Callable[[], bs.Simulation], ...] = (broken_rack, pressed_row, on_their_way, many_balls)
+def late_break() -> bs.Simulation:
+    """Long after the start: times of the table are rounded by 6e-11 s."""
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation.advance(1e6 + 1.0 / 3.0)
+    simulation.shoot(8.0, 0.01, 0.2, -0.3)
+    simulation.advance(0.01)
+    return simulation
+
+
+STARTS: tuple[Callable[[], bs.Simulation], ...] = (broken_rack, pressed_row, on_their_way, many_balls, late_break)
 
 
 def instants(run: bs.Run, count: int = 60) -> Any:

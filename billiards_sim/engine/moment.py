@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a simulation is: the kernels' state, and what Python keeps of time and of events beside it.
+
+The kernels' clock is at 0 at the start, and again at every shot at resting balls. So the same shot from the same state
+gives the same bits whatever the time of the table, and no bit of a short time is lost to a long one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from billiards_sim.engine.jit import columns, copy_rows, get_field, rows, set_columns
+from billiards_sim.engine.loop import CONTACTS_PER_BALL
+from billiards_sim.engine.orientation import Turn, turn_all
+from billiards_sim.engine.scene import Scene, Shot
+from billiards_sim.engine.state import (
+    AT_REST,
+    ROLLING,
+    SLIDING,
+    Ball,
+    Clock,
+    Constants,
+    Contact,
+    Impact,
+    Record,
+    Slot,
+    State,
+)
+
+LOG_ROWS = 1024
+"""Events that the kernels log before they hand them over."""
+
+
+def inner_time(time: float, epoch: float) -> float:
+    """Time of the kernels' clock, s, at a time of the table: the latest of those that are rounded to it.
+
+    So what has happened by then are the events that say so, also where times of the table are rounded.
+    """
+    if epoch == 0.0:
+        return time
+    inner = math.fsum((time, 0.5 * math.ulp(time), -epoch))
+    while epoch + inner > time:
+        inner = math.nextafter(inner, -math.inf)
+    return inner
+
+
+class Moment(NamedTuple):
+    """Where a simulation is. The kernels go on with `state` and `turns` in place; the rest is replaced."""
+
+    state: State
+    turns: Sequence[Turn]
+    epoch: float = 0.0  # s, time of the table when the kernels' clock was at 0
+    asked: float = 0.0  # s, of the kernels' clock: until where it was asked to go
+    rest: float = 0.0  # s, what rounding keeps out of `asked`, so that a thousand steps of 0.001 s make one of 1 s
+    pending: tuple[Sequence[Record], ...] = ()  # events, at times of the table, that no call has handed over yet
+    last_shot: tuple[Moment, Shot] | None = None  # and the moment at which it was made
+
+    @property
+    def inner(self) -> float:
+        """Time of the kernels' clock, s."""
+        return max(self.asked, get_field(self.state.clock, 0, "now"))
+
+    @property
+    def time(self) -> float:
+        """Time of the table, s."""
+        inner = self.inner
+        return math.fsum((self.epoch, inner, self.rest if inner == self.asked else 0.0))
+
+    def after(self, duration: float) -> tuple[float, float]:
+        """What `asked` and `rest` are `duration` s later."""
+        inner = self.inner
+        terms = (inner, self.rest if inner == self.asked else 0.0, duration)
+        asked = max(inner, math.fsum(terms))
+        return asked, math.fsum((*terms, -asked))
+
+    def at(self, time: float) -> tuple[float, float]:
+        """What `asked` and `rest` are at a time of the table, s, that has not passed."""
+        asked = inner_time(time, self.epoch)
+        return asked, math.fsum((time, -self.epoch, -asked))
+
+    def on_the_table(self, events: Sequence[Record]) -> Sequence[Record]:
+        """A copy of events, from times of the kernels' clock to times of the table."""
+        events = copy_rows(events)
+        if self.epoch != 0.0:
+            set_columns(events, ("time",), self.epoch + columns(events, "time"))
+        return events
+
+
+def start(scene: Scene, constants: Constants) -> Moment:
+    """Where a simulation begins."""
+    count = len(scene)
+    state = State(
+        balls=rows(Ball, count),
+        cells=rows(Slot, constants.cells_x * constants.cells_y),
+        nodes=rows(Slot, 2 << (count - 1).bit_length()),
+        changed=rows(Slot, count),
+        members=rows(Slot, count),
+        contacts=rows(Contact, CONTACTS_PER_BALL * count + 1),
+        impacts=rows(Impact, CONTACTS_PER_BALL * count),
+        clock=rows(Clock, 1),
+        log=_new_log(count),
+    )
+    moving = (scene.velocities != 0.0).any(axis=1) | (scene.angular_velocities[:, :2] != 0.0).any(axis=1)
+    set_columns(state.balls, ("x", "y"), scene.positions - scene.table.centre)
+    set_columns(state.balls, ("vx", "vy"), scene.velocities)
+    set_columns(state.balls, ("wx", "wy", "wz"), scene.angular_velocities)
+    set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), AT_REST))
+    turns = rows(Turn, count if scene.track_orientation else 0)
+    set_columns(turns, ("qw",), np.ones((len(turns), 1)))
+    return Moment(state, turns)
+
+
+def begun_anew(moment: Moment) -> Moment:
+    """The same on the table, all balls at rest, as a start: the kernels' clock at 0, nothing predicted."""
+    balls = rows(Ball, len(moment.state.balls))
+    set_columns(balls, ("x", "y", "wz"), columns(moment.state.balls, "x", "y", "wz"))
+    state = moment.state._replace(balls=balls, clock=rows(Clock, 1))
+    turns = copy_rows(moment.turns)
+    if len(turns):
+        turn_all(turns, moment.inner)
+        set_columns(turns, ("time",), np.zeros((len(turns), 1)))
+    return moment._replace(state=state, turns=turns, epoch=moment.time, asked=0.0, rest=0.0)
+
+
+def copied(moment: Moment) -> Moment:
+    """One that shares nothing that changes; what is scratch is made anew."""
+    state = moment.state
+    count = len(state.balls)
+    return moment._replace(
+        state=State(
+            balls=copy_rows(state.balls),
+            cells=copy_rows(state.cells),
+            nodes=copy_rows(state.nodes),
+            changed=copy_rows(state.changed),
+            members=rows(Slot, count),
+            contacts=copy_rows(state.contacts),
+            impacts=rows(Impact, CONTACTS_PER_BALL * count),
+            clock=copy_rows(state.clock),
+            log=_new_log(count),
+        ),
+        turns=copy_rows(moment.turns),
+    )
+
+
+def _new_log(count: int) -> Sequence[Record]:
+    return rows(Record, LOG_ROWS + (CONTACTS_PER_BALL + 1) * count)
