@@ -19,7 +19,6 @@ from billiards_sim.engine.table import Table
 from billiards_sim.quaternion import IDENTITY, product
 from billiards_sim.ros.messages import NANOSECONDS, set_stamp
 from billiards_sim.ros.preview import Preview
-from billiards_sim.ros.wrench import FRAME
 
 CLOTH_THICKNESS = 0.01
 """m, for the eye only."""
@@ -89,11 +88,12 @@ class BallMarkers:
         names: of the balls.
         radius: m.
         rate: messages a second.
+        frame: of the table.
     """
 
-    def __init__(self, names: Sequence[str], radius: float, rate: float) -> None:
+    def __init__(self, names: Sequence[str], radius: float, rate: float, frame: str) -> None:
         self._radius = float(radius)
-        self._header = Header(frame_id=FRAME)  # of all markers
+        self._header = Header(frame_id=frame)  # of all markers
         self._message = MarkerArray()
         self._balls = []
         self._stripes: list[tuple[int, Marker]] = []
@@ -220,8 +220,14 @@ class _Trail:
         self._points.clear()
 
 
-def table_markers(table: Table, radius: float, stamp: int) -> MarkerArray:
-    """The cloth with its surface at z = 0, and the rails x_min, x_max, y_min, y_max around it."""
+def table_markers(table: Table, radius: float, stamp: int, frame: str) -> MarkerArray:
+    """The cloth with its surface at z = 0, and the rails x_min, x_max, y_min, y_max around it.
+
+    Args:
+        radius: of the balls, m.
+        stamp: ns.
+        frame: of the table.
+    """
     outer_x = table.x_max + table.rail_thickness
     outer_y = table.y_max + table.rail_thickness
     height = RAIL_HEIGHT * radius
@@ -237,7 +243,7 @@ def table_markers(table: Table, radius: float, stamp: int) -> MarkerArray:
         if any(high <= low for low, high in sides):
             continue  # rails without thickness: RViz warns of a box without one
         marker = _marker(namespace, index, Marker.CUBE, colour)
-        set_stamp(marker.header.stamp, stamp)
+        _set_header(marker, stamp, frame)
         for axis, (low, high) in zip("xyz", sides):
             setattr(marker.pose.position, axis, float(0.5 * (low + high)))
             setattr(marker.scale, axis, float(high - low))
@@ -245,7 +251,9 @@ def table_markers(table: Table, radius: float, stamp: int) -> MarkerArray:
     return message
 
 
-def preview_markers(preview: Preview | None, names: Sequence[str], radius: float, stamp: int) -> MarkerArray:
+def preview_markers(
+    preview: Preview | None, names: Sequence[str], radius: float, stamp: int, frame: str
+) -> MarkerArray:
     """What a shot would do, in place of the preview before.
 
     For each ball that moves (id = its place in the scene) a line, and the ball, translucent, where it ends; the points
@@ -273,7 +281,7 @@ def preview_markers(preview: Preview | None, names: Sequence[str], radius: float
         contacts.points = [Point(x=x, y=y, z=radius) for x, y in hits]
         message.markers.append(contacts)
     for marker in message.markers:
-        set_stamp(marker.header.stamp, stamp)
+        _set_header(marker, stamp, frame)
     return message
 
 
@@ -292,7 +300,6 @@ def erasing() -> MarkerArray:
 
 def _marker(namespace: str, index: int, shape: int, colour: tuple[float, float, float]) -> Marker:
     marker = Marker()
-    marker.header.frame_id = FRAME
     marker.ns = namespace
     marker.id = index
     marker.type = shape
@@ -301,6 +308,11 @@ def _marker(namespace: str, index: int, shape: int, colour: tuple[float, float, 
     red, green, blue = colour
     marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
     return marker
+
+
+def _set_header(marker: Marker, stamp: int, frame: str) -> None:
+    set_stamp(marker.header.stamp, stamp)
+    marker.header.frame_id = frame
 
 
 def _line_colour(name: str) -> tuple[float, float, float]:

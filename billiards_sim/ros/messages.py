@@ -16,7 +16,6 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import MultiDOFJointState
 
 from billiards_sim.engine.events import Event
-from billiards_sim.ros.wrench import FRAME
 
 NANOSECONDS = 1_000_000_000
 
@@ -94,11 +93,12 @@ class Poses:
     Args:
         count: of balls.
         radius: m.
+        frame: of the table.
     """
 
-    def __init__(self, count: int, radius: float) -> None:
+    def __init__(self, count: int, radius: float, frame: str) -> None:
         message = PoseArray()
-        message.header.frame_id = FRAME
+        message.header.frame_id = frame
         message.poses = [Pose() for _ in range(count)]
         for pose in message.poses:
             pose.position.z = float(radius)
@@ -125,11 +125,12 @@ class States:
     Args:
         names: of the balls.
         radius: m.
+        frame: of the table.
     """
 
-    def __init__(self, names: Sequence[str], radius: float) -> None:
+    def __init__(self, names: Sequence[str], radius: float, frame: str) -> None:
         message = MultiDOFJointState(joint_names=list(names))
-        message.header.frame_id = FRAME
+        message.header.frame_id = frame
         message.transforms = [Transform() for _ in names]
         message.twist = [Twist() for _ in names]
         for transform in message.transforms:
@@ -165,13 +166,18 @@ class States:
 
 
 class BallTwist:
-    """`balls/twists`: velocity of one ball with respect to the table."""
+    """`balls/twists`: velocity of one ball with respect to the table.
 
-    def __init__(self, name: str) -> None:
+    Args:
+        body: frame of the ball.
+        frame: of the table.
+    """
+
+    def __init__(self, body: str, frame: str) -> None:
         message = VelocityStamped()
-        message.header.frame_id = FRAME
-        message.reference_frame_id = FRAME
-        message.body_frame_id = name
+        message.header.frame_id = frame
+        message.reference_frame_id = frame
+        message.body_frame_id = body
         self._serialized = Serialized(message)
         self._twist = self._serialized.numbers((6,))
 

@@ -34,6 +34,11 @@ GROUP_QUANTITIES = {
 
 DEFAULT_SCENE = "eight_ball"
 
+DEFAULT_FRAME = "table"
+
+LONGEST_FRAME = 200
+"""Characters of a frame's name."""
+
 SCENE_HELP = f"what is on the table from the next reset on: {', '.join(BUILT_IN)}, or the path of a scene file"
 
 NUMBERS = {
@@ -60,6 +65,12 @@ SWITCHES = {
 }
 """Default and help of each switch."""
 
+TEXTS = {
+    "frame_id": (DEFAULT_FRAME, "frame of every message: origin at the outer corner of the rails, z = 0 on the cloth"),
+    "frame_prefix": ("", "before a ball's name in the name of its frame, on /tf and in balls/twists"),
+}
+"""Default and help of each name of frames; see `frame_name`."""
+
 AT_REST = "changeable while all balls rest"
 
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -84,13 +95,15 @@ class Settings:
     track_orientation: bool
     publish_clock: bool
     publish_tf: bool
+    frame_id: str
+    frame_prefix: str
     given: Mapping[str, Any]
     loaded: Scene
 
     def values(self) -> dict[str, Any]:
         """The value of every parameter, by name."""
         values: dict[str, Any] = {"scene": self.scene_name}
-        values |= {name: getattr(self, name) for name in (*NUMBERS, *SWITCHES)}
+        values |= {name: getattr(self, name) for name in (*NUMBERS, *SWITCHES, *TEXTS)}
         for name in GROUP_QUANTITIES:
             group, _, field = name.partition(".")
             values[name] = getattr(getattr(self.scene, group), field)
@@ -117,6 +130,7 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
         name: number(name, given.get(name, default), declared) for name, (default, declared) in NUMBERS.items()
     }
     own |= {name: switch(name, given.get(name, default)) for name, (default, _) in SWITCHES.items()}
+    own |= {name: frame_name(name, given.get(name, default)) for name, (default, _) in TEXTS.items()}
     scene_name = given.get("scene", DEFAULT_SCENE)
     loaded = loaded or find_scene(scene_name)
     if "track_orientation" not in given:
@@ -134,6 +148,8 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
     except ValueError as error:
         raise ValueError(f"scene {scene_name!r} does not fit these physics and table parameters: {error}") from None
     scene = dataclasses.replace(scene, track_orientation=own["track_orientation"])
+    if own["publish_tf"] and own["frame_id"] in (own["frame_prefix"] + ball for ball in scene.names):
+        raise ValueError(f"the table and a ball cannot both have the frame {own['frame_id']!r}: change frame_id")
     return Settings(scene, scene_name, **own, given=dict(given), loaded=loaded)
 
 
@@ -232,6 +248,23 @@ def switch(name: str, given: Any) -> bool:
     return given
 
 
+def frame_name(name: str, given: Any) -> str:
+    """A parameter's value as the name of a frame, or the begin of one.
+
+    Raises:
+        ValueError: not a string, or one that tf2 does not take.
+    """
+    if not isinstance(given, str) or given != given.strip() or given.startswith("/") or not given.isprintable():
+        raise ValueError(
+            f"parameter {name!r} must be a string without space at its ends and without '/' in front, got {given!r}"
+        )
+    if len(given) > LONGEST_FRAME:
+        raise ValueError(f"parameter {name!r} must have at most {LONGEST_FRAME} characters, got {len(given)}")
+    if name == "frame_id" and not given:
+        raise ValueError(f"parameter {name!r} must not be empty")
+    return given
+
+
 def take_overrides(node: Node) -> dict[str, Any]:
     """The values that the user gave on the command line or in a parameter file, by name.
 
@@ -242,6 +275,7 @@ def take_overrides(node: Node) -> dict[str, Any]:
         "scene",
         *NUMBERS,
         *SWITCHES,
+        *TEXTS,
         *(name for name in node.get_parameters_by_prefix("") if name.partition(".")[0] in GROUPS),
     ]
     given = {}
@@ -266,6 +300,9 @@ def declare(node: Node, settings: Settings) -> None:
     for name, (_, text) in SWITCHES.items():
         descriptor = ParameterDescriptor(description=text, additional_constraints=AT_REST)
         node.declare_parameter(name, values[name], descriptor, ignore_override=True)
+    for name, (_, text) in TEXTS.items():
+        descriptor = ParameterDescriptor(description=text, additional_constraints=AT_REST)
+        node.declare_parameter(name, values[name], descriptor, ignore_override=True)
     for name, declared in GROUP_QUANTITIES.items():
         _declare_number(node, name, values[name], declared)
 
@@ -283,6 +320,7 @@ def help_lines() -> str:
         lines.append(f"  {name} ({default:g}{_unit(declared)}, {declared.bounds()}): {declared.help}")
     for name, (on, text) in SWITCHES.items():
         lines.append(f"  {name} ({str(on).lower()}): {text}")
+    lines += [f"  {name} ({default!r}): {text}" for name, (default, text) in TEXTS.items()]
     for name, declared in GROUP_QUANTITIES.items():
         group, _, field = name.partition(".")
         default = getattr(GROUPS[group](), field)
@@ -291,7 +329,7 @@ def help_lines() -> str:
 
 
 def _names() -> set[str]:
-    return {"scene", *NUMBERS, *SWITCHES, *GROUP_QUANTITIES}
+    return {"scene", *NUMBERS, *SWITCHES, *TEXTS, *GROUP_QUANTITIES}
 
 
 def _unit(declared: Quantity) -> str:

@@ -12,13 +12,14 @@ from billiards_sim.ros.separation import TOUCHING, separated
 from billiards_sim.ros.wrench import check_frame
 
 
-def placed_positions(message: PoseArray, scene: Scene, tolerance: float) -> NDArray[np.float64]:
+def placed_positions(message: PoseArray, scene: Scene, tolerance: float, frame: str) -> NDArray[np.float64]:
     """Where the balls of a scene are after a placement: as the message says, with small overlaps removed.
 
     Args:
         message: one pose a ball in the order of the scene; heights and orientations do not matter.
         scene: names of the balls, table, radius.
         tolerance: m, by which balls may overlap, or reach into a rail.
+        frame: of the table.
 
     Returns:
         (N, 2) m, balls apart or touching, inside the rails.
@@ -27,7 +28,7 @@ def placed_positions(message: PoseArray, scene: Scene, tolerance: float) -> NDAr
         ValueError: another frame, another number of poses, a position that is not finite, outside the rails or in
             another ball by more than the tolerance, or so little room that the balls cannot be separated.
     """
-    check_frame(message.header.frame_id)
+    check_frame(message.header.frame_id, frame)
     if len(message.poses) != len(scene):
         raise ValueError(
             f"place_balls takes one pose a ball, {len(scene)} in the order of balls/poses ({scene.names[0]!r} first); "

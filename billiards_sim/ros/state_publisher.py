@@ -13,7 +13,6 @@ from geometry_msgs.msg import PoseArray, VelocityStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
@@ -25,22 +24,8 @@ from billiards_sim.ros import markers, messages
 from billiards_sim.ros.event_queue import EventQueue
 from billiards_sim.ros.messages import Stamps
 from billiards_sim.ros.parameters import Settings
+from billiards_sim.ros.qos import EVENT_DEPTH, LATCHED, MOST_BALLS, STATE_DEPTH, TF_DEPTH
 from billiards_sim.ros.transforms import BallFrames, tf_message_type
-
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""A late subscriber gets the last message."""
-
-EVENT_DEPTH = 1000
-"""Messages kept for a reliable subscriber that falls behind: those of 10 s of ticks at 100 Hz."""
-
-STATE_DEPTH = 10
-"""Ticks kept for one."""
-
-TF_DEPTH = 100
-"""Of /tf, as tf2 has it."""
-
-MOST_BALLS = 22
-"""Of the games in use (snooker): twists are kept for as many, or for the first scene's if it has more."""
 
 TWIST_PERIOD = 1.0
 """s between two twists of a ball that rests: whoever missed one knows it soon."""
@@ -109,24 +94,28 @@ class StatePublisher:
         """
         scene, radius = settings.scene, settings.scene.physics.radius
         self._scene = scene
-        self._states = messages.States(scene.names, radius)
-        self._poses = messages.Poses(len(scene), radius)
-        self._twists = [messages.BallTwist(name) for name in scene.names]
+        self._frame = settings.frame_id
+        bodies = [settings.frame_prefix + name for name in scene.names]
+        self._states = messages.States(scene.names, radius, self._frame)
+        self._poses = messages.Poses(len(scene), radius, self._frame)
+        self._twists = [messages.BallTwist(body, self._frame) for body in bodies]
         self._twists_due = np.ones(len(scene), dtype=bool)
         # Balls that rest take turns: at one tick they would overrun a short queue.
         self._round = max(round(TWIST_PERIOD * settings.update_rate), 1)  # ticks
         self._turns = np.arange(len(scene)) * self._round // len(scene)
         self._markers_a_tick = min(settings.marker_rate / settings.update_rate, 1.0)
-        self._balls = markers.BallMarkers(scene.names, radius, self._markers_a_tick * settings.update_rate)
+        marker_rate = self._markers_a_tick * settings.update_rate
+        self._balls = markers.BallMarkers(scene.names, radius, marker_rate, self._frame)
         tf_type = tf_message_type() if settings.publish_tf else None
-        self._frames = BallFrames(tf_type, scene.names, radius) if settings.publish_tf else None
+        self._frames = BallFrames(tf_type, bodies, radius, self._frame) if settings.publish_tf else None
         # Only a table that is told to publishes on topics that all nodes share: one time for all has one source.
         self._clock_publisher = self._switched(self._clock_publisher, settings.publish_clock, Clock, "/clock", 1)
         self._frames_publisher = self._switched(self._frames_publisher, settings.publish_tf, tf_type, "/tf", TF_DEPTH)
 
     def table(self, stamp: int) -> None:
         """The cloth and the rails, once for all; stamps are in ns here and below."""
-        self._table_publisher.publish(markers.table_markers(self._scene.table, self._scene.physics.radius, stamp))
+        radius = self._scene.physics.radius
+        self._table_publisher.publish(markers.table_markers(self._scene.table, radius, stamp, self._frame))
 
     def erase(self) -> None:
         """Take all markers away: the next scene may have fewer."""

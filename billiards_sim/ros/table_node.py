@@ -27,6 +27,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
@@ -35,7 +37,7 @@ from billiards_sim.command_line import USAGE_ERROR, Parser
 from billiards_sim.engine import scenes
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
-from billiards_sim.ros import markers, messages, parameters
+from billiards_sim.ros import markers, messages, parameters, qos
 from billiards_sim.ros.event_queue import MOST_WAITING
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
@@ -48,7 +50,8 @@ from billiards_sim.ros.process import (
     ros,
     stoppable,
 )
-from billiards_sim.ros.state_publisher import EVENT_DEPTH, STATE_DEPTH, StatePublisher
+from billiards_sim.ros.qos import EVENT_DEPTH, STATE_DEPTH
+from billiards_sim.ros.state_publisher import StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
 
@@ -123,6 +126,22 @@ class TableNode(Node):
         self._preview_result_publisher = self.create_publisher(String, "preview/result", EVENT_DEPTH)
         self._placement_result_publisher = self.create_publisher(String, "placement_result", EVENT_DEPTH)
 
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
+        """As every node's, but that `qos_overrides.*` is heard."""
+        with qos.overriding(self, topic, "publisher") as policies:
+            return super().create_publisher(
+                msg_type, topic, qos.own(qos_profile), qos_overriding_options=policies, **options
+            )
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[[Any], None], qos_profile: QoSProfile | int, **options: Any
+    ) -> Subscription:
+        """As every node's, but that `qos_overrides.*` is heard."""
+        with qos.overriding(self, topic, "subscription") as policies:
+            return super().create_subscription(
+                msg_type, topic, callback, qos.own(qos_profile), qos_overriding_options=policies, **options
+            )
+
     @property
     def settings(self) -> parameters.Settings:
         """What the node was told."""
@@ -153,6 +172,8 @@ class TableNode(Node):
         self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
         self.create_subscription(WrenchStamped, "cue_shot/preview", self._on_preview, EVENT_DEPTH)
         self.create_subscription(PoseArray, "place_balls", self._on_place_balls, EVENT_DEPTH)
+        for name in qos.unknown_overrides(self):
+            self.get_logger().warning(f"parameter {name!r} names no topic or policy of this node")
 
     def advance(self, duration: float) -> None:
         """Go on by `duration` s of simulated time and publish the state."""
@@ -209,7 +230,7 @@ class TableNode(Node):
     @between_ticks
     def _on_cue_shot(self, message: WrenchStamped) -> None:
         try:
-            shot = shot_from_wrench(message)
+            shot = shot_from_wrench(message, self._settings.frame_id)
             self._check_at_rest("a shot")
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
@@ -232,7 +253,7 @@ class TableNode(Node):
         scene = self._scene
         preview: Preview | None
         try:
-            shot = shot_from_wrench(message)
+            shot = shot_from_wrench(message, self._settings.frame_id)
             self._check_at_rest("a preview")
             preview = predict(self._simulation, shot)
         except (ValueError, StallError) as error:
@@ -242,14 +263,16 @@ class TableNode(Node):
             text = preview_json(preview, scene.names, scene.physics.radius, self._stamps, messages.stamp_of(message))
             self._preview_result_publisher.publish(String(data=text))
         if self._preview_publisher.get_subscription_count() > 0:
-            drawing = markers.preview_markers(preview, scene.names, scene.physics.radius, self._stamp())
+            radius, frame = scene.physics.radius, self._settings.frame_id
+            drawing = markers.preview_markers(preview, scene.names, radius, self._stamp(), frame)
             self._preview_publisher.publish(drawing)
 
     @between_ticks
     def _on_place_balls(self, message: PoseArray) -> None:
         try:
             self._check_at_rest("a placement")
-            positions = placed_positions(message, self._scene, self._settings.placement_tolerance)
+            settings = self._settings
+            positions = placed_positions(message, self._scene, settings.placement_tolerance, settings.frame_id)
             self._simulation = self._resting(self._scene, positions, np.zeros((len(self._scene), 3)))
         except ValueError as error:
             self._log_refusal("placement", error)
@@ -348,8 +371,11 @@ class TableNode(Node):
             return
         change, self._change = self._change, None
         self._simulation = self._relaid(change.settings.scene)
+        moved = change.settings.frame_id != self._settings.frame_id
         self._settings, self._after_reset = change.settings, change.after_reset
         self._apply_settings()
+        if moved:
+            self._publisher.table(self._stamp())
 
     def _apply_settings(self) -> None:
         self.metronome.set_rate(self._settings.update_rate)
@@ -431,7 +457,7 @@ def _serve(node: TableNode) -> None:
     executor = SingleThreadedExecutor()
     try:
         with stoppable():
-            node.start()
+            _start(node)
             settings = node.settings
             node.get_logger().info(
                 f"ready: scene {settings.scene_name}, {len(settings.scene)} balls, {settings.update_rate:g} Hz, "
@@ -446,6 +472,13 @@ def _serve(node: TableNode) -> None:
     finally:
         node.metronome.stop()
         executor.shutdown()
+
+
+def _start(node: TableNode) -> None:
+    try:
+        node.start()
+    except ValueError as error:
+        raise StartError(_reason(error)) from None
 
 
 def _spin(node: TableNode, executor: SingleThreadedExecutor) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 from geometry_msgs.msg import TransformStamped
 
 from billiards_sim.ros.messages import set_stamp
-from billiards_sim.ros.wrench import FRAME
 
 
 def tf_message_type() -> Any:
@@ -28,21 +27,22 @@ def tf_message_type() -> Any:
 
 
 class BallFrames:
-    """Frames at the balls' centres, each with its ball's name, in the frame of the table.
+    """Frames at the balls' centres, in the frame of the table.
 
     Args:
         message_type: see `tf_message_type`.
-        names: of the balls.
+        bodies: names of the frames, one a ball.
         radius: m.
+        frame: of the table.
     """
 
-    def __init__(self, message_type: Any, names: Sequence[str], radius: float) -> None:
+    def __init__(self, message_type: Any, bodies: Sequence[str], radius: float, frame: str) -> None:
         self._message = message_type()
-        self._message.transforms = [TransformStamped() for _ in names]
-        for frame, name in zip(self._message.transforms, names):
-            frame.header.frame_id = FRAME
-            frame.child_frame_id = name
-            frame.transform.translation.z = float(radius)
+        self._message.transforms = [TransformStamped() for _ in bodies]
+        for one, body in zip(self._message.transforms, bodies):
+            one.header.frame_id = frame
+            one.child_frame_id = body
+            one.transform.translation.z = float(radius)
 
     def at(
         self, positions: Sequence[Sequence[float]], stamp: int, orientations: Sequence[Sequence[float]] | None = None

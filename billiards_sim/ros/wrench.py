@@ -14,9 +14,6 @@ from geometry_msgs.msg import WrenchStamped
 
 from billiards_sim.engine.scene import Shot
 
-FRAME = "table"
-"""The one frame of all messages."""
-
 TORQUE_TOLERANCE = 1e-5
 """m. Torque along the force, divided by the force, up to which it counts as rounding: a torque typed with four decimals
 leaves 1e-6 m at 80 N and 1e-5 m at 8 N."""
@@ -26,21 +23,24 @@ OFFSET_DECIMALS = 16
 them gives an offset that was written in decimals back to the bit after its trip through a torque."""
 
 
-def check_frame(frame: str) -> None:
+def check_frame(frame: str, own: str) -> None:
     """Raises:
-    ValueError: a frame other than `table` or none.
+    ValueError: a frame other than the table's own or none.
     """
-    if frame not in ("", FRAME):
-        raise ValueError(f"frame_id must be {FRAME!r} or empty, got {frame!r}")
+    if frame not in ("", own):
+        raise ValueError(f"frame_id must be {own!r} or empty, got {frame!r}")
 
 
-def shot_from_wrench(message: WrenchStamped) -> Shot:
+def shot_from_wrench(message: WrenchStamped, frame: str) -> Shot:
     """The shot that a wrench stands for. Whether the ball can take it is for `Simulation.strike` to say.
 
+    Args:
+        frame: of the table.
+
     Raises:
-        ValueError: not finite, a frame other than `table`, vertical or zero force, torque along the force.
+        ValueError: not finite, another frame, vertical or zero force, torque along the force.
     """
-    check_frame(message.header.frame_id)
+    check_frame(message.header.frame_id, frame)
     force, torque = message.wrench.force, message.wrench.torque
     for name, vector, unit in (("force", force, "N"), ("torque", torque, "N m")):
         if not all(map(math.isfinite, (vector.x, vector.y, vector.z))):
@@ -66,7 +66,7 @@ def shot_from_wrench(message: WrenchStamped) -> Shot:
 
 
 def wrench_from_shot(force: Sequence[float], offset: Sequence[float]) -> WrenchStamped:
-    """The wrench of a shot.
+    """The wrench of a shot, without a frame: for any table.
 
     Args:
         force: (x, y, z) N.
@@ -74,7 +74,6 @@ def wrench_from_shot(force: Sequence[float], offset: Sequence[float]) -> WrenchS
     """
     side, up = offset
     message = WrenchStamped()
-    message.header.frame_id = FRAME
     wrench = message.wrench
     wrench.force.x, wrench.force.y, wrench.force.z = (float(value) for value in force)
     wrench.torque.x = float(-wrench.force.y * up)

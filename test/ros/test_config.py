@@ -14,9 +14,9 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 import billiards_sim as bs
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros import markers
+from billiards_sim.ros.parameters import DEFAULT_FRAME
 from billiards_sim.ros.preview import predict
 from billiards_sim.ros.table_node import TableNode
-from billiards_sim.ros.wrench import FRAME
 
 FILE = yaml.safe_load((Path(__file__).parents[2] / "config" / "table.rviz").read_text())
 RVIZ = FILE["Visualization Manager"]
@@ -88,16 +88,16 @@ def test_every_display_fits_a_publisher_of_the_node(node: TableNode) -> None:
 
 
 def test_the_frame_and_the_namespaces_are_the_messages_own() -> None:
-    assert RVIZ["Global Options"]["Fixed Frame"] == FRAME
+    assert RVIZ["Global Options"]["Fixed Frame"] == DEFAULT_FRAME
     simulation = bs.Simulation(bs.Scene([[0.5, 0.5], [1.0, 0.5]], names=("cue", "9")))
     shot = Shot((30.0, 0.0, 0.0))
-    preview = markers.preview_markers(predict(simulation, shot), simulation.start_scene.names, 0.03, 0)
-    balls = markers.BallMarkers(simulation.start_scene.names, 0.03, 30.0)
+    preview = markers.preview_markers(predict(simulation, shot), simulation.start_scene.names, 0.03, 0, DEFAULT_FRAME)
+    balls = markers.BallMarkers(simulation.start_scene.names, 0.03, 30.0, DEFAULT_FRAME)
     balls.update(simulation.positions.tolist(), 0)
     simulation.strike(shot.force)
     balls.flash(markers.contact_points(simulation.advance(1.0)))
     sent = {
-        "Table": markers.table_markers(bs.Table(), 0.03, 0),
+        "Table": markers.table_markers(bs.Table(), 0.03, 0, DEFAULT_FRAME),
         "Balls": balls.update(simulation.positions.tolist(), 1),
         "Preview": preview,
     }

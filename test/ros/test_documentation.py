@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from billiards_sim.engine.quantity import quantities
 from billiards_sim.ros import parameters
-from billiards_sim.ros.state_publisher import MOST_BALLS, TF_DEPTH
+from billiards_sim.ros.qos import MOST_BALLS, TF_DEPTH
 from billiards_sim.ros.table_node import TableNode
 
 PAGE = (Path(__file__).parents[2] / "docs" / "ros.md").read_text(encoding="utf-8")
@@ -22,6 +22,10 @@ PAGE = (Path(__file__).parents[2] / "docs" / "ros.md").read_text(encoding="utf-8
 def rows() -> list[str]:
     rows = [f"| `scene` | `{parameters.DEFAULT_SCENE}` | | | {parameters.SCENE_HELP} |"]
     rows += [f"| `{name}` | {str(on).lower()} | | | {text} |" for name, (on, text) in parameters.SWITCHES.items()]
+    rows += [
+        f"| `{name}` | {default and f'`{default}`'} | | | {text} |"
+        for name, (default, text) in parameters.TEXTS.items()
+    ]
     declared = [(name, default, quantity) for name, (default, quantity) in parameters.NUMBERS.items()]
     for group, owner in parameters.GROUPS.items():
         for field, quantity in quantities(owner).items():

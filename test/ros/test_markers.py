@@ -16,7 +16,7 @@ SECOND = 1_000_000_000
 
 
 def new(*names: str, rate: float = 30.0) -> markers.BallMarkers:
-    return markers.BallMarkers(names, 0.03, rate)
+    return markers.BallMarkers(names, 0.03, rate, "table")
 
 
 def of(message: MarkerArray, namespace: str) -> list[Marker]:
@@ -185,7 +185,7 @@ def test_what_is_sent_of_a_break_arrives_as_it_is() -> None:
     scene = bs.scenes.eight_ball()
     simulation = bs.Simulation(scene)
     simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
-    balls = markers.BallMarkers(scene.names, scene.physics.radius, 30.0)
+    balls = markers.BallMarkers(scene.names, scene.physics.radius, 30.0, "table")
     for step in range(20):
         balls.flash(markers.contact_points(simulation.advance(0.03)))
         message = balls.update(simulation.positions.tolist(), step)
@@ -213,7 +213,7 @@ def sides(marker: Marker) -> list[tuple[float, float]]:
 
 def test_rails_frame_the_playing_area_and_do_not_overlap() -> None:
     table = bs.Table()
-    message = markers.table_markers(table, 0.03, 0)
+    message = markers.table_markers(table, 0.03, 0, "table")
     cloth, *rails = message.markers
     assert len({(marker.ns, marker.id) for marker in message.markers}) == 5
     assert abs(sides(cloth)[2][1]) < 1e-12
@@ -228,5 +228,5 @@ def test_rails_frame_the_playing_area_and_do_not_overlap() -> None:
 
 
 def test_rails_without_thickness_are_not_drawn() -> None:
-    message = markers.table_markers(bs.Table(rail_thickness=0.0), 0.03, 0)
+    message = markers.table_markers(bs.Table(rail_thickness=0.0), 0.03, 0, "table")
     assert [marker.ns for marker in message.markers] == ["cloth"]

@@ -40,7 +40,7 @@ POSITIONS = np.array([[1.0, 2.0], [3.0, 4.0]])
 
 
 def test_poses_are_what_rclpy_would_have_sent() -> None:
-    poses = messages.Poses(2, 0.03)
+    poses = messages.Poses(2, 0.03, "table")
     message = deserialize_message(poses.at(POSITIONS, EPOCH), PoseArray)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
     assert message.header.frame_id == "table"
@@ -51,7 +51,7 @@ def test_poses_are_what_rclpy_would_have_sent() -> None:
 
 def test_poses_carry_orientations_where_they_are_given() -> None:
     turns = np.array([[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
-    message = deserialize_message(messages.Poses(2, 0.03).at(POSITIONS, EPOCH, turns), PoseArray)
+    message = deserialize_message(messages.Poses(2, 0.03, "table").at(POSITIONS, EPOCH, turns), PoseArray)
     turned = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in message.poses]
     assert turned == [(0.6, 0.0, 0.0, 0.8), (0.0, 0.6, 0.8, 0.0)]
 
@@ -76,7 +76,7 @@ def expected_states(names: Sequence[str], turned: bool) -> tuple[MultiDOFJointSt
 @pytest.mark.parametrize("names", [(), ("cue",), ("1", "22"), ("a long name of a ball", "", "x", "4")], ids=len)
 def test_states_are_what_rclpy_would_have_sent(names: Sequence[str], turned: bool) -> None:
     expected, (positions, velocities, spins, turns) = expected_states(names, turned)
-    states = messages.States(names, 0.03)
+    states = messages.States(names, 0.03, "table")
     states.at(positions + 1.0, velocities, spins, 0)
     sent = states.at(positions, velocities, spins, EPOCH, turns if turned else None)
     assert deserialize_message(sent, MultiDOFJointState) == expected
@@ -85,7 +85,7 @@ def test_states_are_what_rclpy_would_have_sent(names: Sequence[str], turned: boo
 
 @pytest.mark.parametrize("name", ["7", "cue", "a long name of a ball"])  # names move what comes behind them
 def test_a_twist_names_its_ball_and_the_table(name: str) -> None:
-    twist = messages.BallTwist(name)
+    twist = messages.BallTwist(name, "table")
     message = deserialize_message(twist.at(np.array([1.0, -2.0]), np.array([3.0, 4.0, 5.0]), EPOCH), VelocityStamped)
     assert (message.body_frame_id, message.reference_frame_id, message.header.frame_id) == (name, "table", "table")
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
@@ -95,7 +95,7 @@ def test_a_twist_names_its_ball_and_the_table(name: str) -> None:
 
 
 def test_a_message_that_was_taken_does_not_change_with_the_next() -> None:
-    poses = messages.Poses(2, 0.03)
+    poses = messages.Poses(2, 0.03, "table")
     first = poses.at(POSITIONS, EPOCH)
     kept = bytes(bytearray(first))
     poses.at(POSITIONS + 1.0, EPOCH + 1)

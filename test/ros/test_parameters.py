@@ -56,6 +56,13 @@ BAD = [
     ({"real_time_factor": -1.0}, "'real_time_factor' must be a number"),
     ({"marker_rate": -1}, "'marker_rate' must be a number"),
     ({"publish_clock": 1}, "'publish_clock' must be true or false, got 1"),
+    ({"frame_id": 3}, "'frame_id' must be a string"),
+    ({"frame_id": ""}, "'frame_id' must not be empty"),
+    ({"frame_id": "/table"}, "'frame_id' must be a string without space at its ends and without '/' in front"),
+    ({"frame_prefix": "left "}, "'frame_prefix' must be a string without space at its ends"),
+    ({"frame_prefix": "a\nb"}, "'frame_prefix' must be a string"),
+    ({"frame_prefix": "x" * 201}, "'frame_prefix' must have at most 200 characters, got 201"),
+    ({"frame_id": "cue", "publish_tf": True}, "cannot both have the frame 'cue'"),
     ({"physics.mass": 0.0}, "'physics.mass' must be a number > 0"),
     ({"physics.rail_restitution": 1.5}, "got 1.5"),
     ({"physics.mas": 0.1}, "no parameter 'physics.mas'"),
@@ -88,9 +95,8 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     assert list(document) == ["/**"]
     defaults = parameters.read_settings({})
     given = document["/**"]["ros__parameters"]
-    assert given == {name: getattr(defaults, name) for name in (*parameters.NUMBERS, *parameters.SWITCHES)} | {
-        "scene": "eight_ball"
-    }
+    names = (*parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS)
+    assert given == {name: getattr(defaults, name) for name in names} | {"scene": "eight_ball"}
     whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )?\w+:)", "    ", text))["/**"]["ros__parameters"]
     for group, owner in parameters.GROUPS.items():
         assert whole[group] == {field: getattr(owner(), field) for field in quantities(owner)}
@@ -121,7 +127,7 @@ def test_wpa_tables_are_within_the_specification(name: str) -> None:
 def test_help_names_every_parameter_with_default_and_unit() -> None:
     text = parameters.help_lines()
     names = [f"{group}.{field}" for group, owner in parameters.GROUPS.items() for field in quantities(owner)]
-    for name in ("scene", *parameters.NUMBERS, *parameters.SWITCHES, *names):
+    for name in ("scene", *parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS, *names):
         assert f"\n  {name} (" in f"\n{text}"
     for part in (
         "update_rate (100 Hz, ",

@@ -127,7 +127,7 @@ def test_every_point_of_a_list_is_a_ball() -> None:
 
 
 def test_a_stripe_is_a_band_from_above_and_turns_with_its_ball() -> None:
-    balls = markers.BallMarkers(("9",), 0.1, 30.0)
+    balls = markers.BallMarkers(("9",), 0.1, 30.0, "table")
     half = 0.5**0.5
     bands = {
         (0.0, 0.0, 0.0, 1.0): ((0.0, 0.0), (0.06, 0.0), (0.0, 0.08)),

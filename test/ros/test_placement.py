@@ -35,8 +35,8 @@ APART = [[0.7, 0.4], [1.3, 0.8]]
 
 @pytest.mark.parametrize("frame", ["", "table"])
 def test_balls_that_are_free_are_placed_to_the_bit(frame: str) -> None:
-    assert np.array_equal(placed_positions(poses(APART, frame), PAIR, TOLERANCE), APART)
-    assert np.array_equal(placed_positions(poses(APART), PAIR, 0.0), APART)
+    assert np.array_equal(placed_positions(poses(APART, frame), PAIR, TOLERANCE, "table"), APART)
+    assert np.array_equal(placed_positions(poses(APART), PAIR, 0.0, "table"), APART)
 
 
 BAD = {
@@ -61,26 +61,28 @@ BAD = {
 def test_a_bad_placement_is_refused_with_figure_and_bound(case: str) -> None:
     message, reason = BAD[case]
     with pytest.raises(ValueError, match=re.escape(reason)):
-        placed_positions(message, PAIR, TOLERANCE)
+        placed_positions(message, PAIR, TOLERANCE, "table")
 
 
 def test_two_balls_that_overlap_part_evenly_until_they_touch() -> None:
     way = 2.0 * RADIUS - 0.001
-    placed = placed_positions(poses([[1.0, 0.5], [1.0 + 0.6 * way, 0.5 + 0.8 * way]]), PAIR, TOLERANCE)
+    placed = placed_positions(poses([[1.0, 0.5], [1.0 + 0.6 * way, 0.5 + 0.8 * way]]), PAIR, TOLERANCE, "table")
     assert placed[0] == pytest.approx([1.0 - 0.6 * 0.0005, 0.5 - 0.8 * 0.0005], abs=1e-9)
     assert math.dist(*placed) == pytest.approx(2.0 * RADIUS, abs=1e-9)
 
 
 def test_a_ball_in_a_rail_comes_out_and_pushes_its_neighbour() -> None:
     start = [[LOW[0] - 0.001, 0.5], [LOW[0] - 0.001 + 2.0 * RADIUS, 0.5]]
-    placed = placed_positions(poses(start), PAIR, TOLERANCE)
+    placed = placed_positions(poses(start), PAIR, TOLERANCE, "table")
     assert placed == pytest.approx(np.array([[LOW[0], 0.5], [LOW[0] + 2.0 * RADIUS, 0.5]]), abs=1e-9)
 
 
 def test_a_noisy_rack_becomes_a_scene() -> None:
     rack = bs.scenes.eight_ball(0.0)
     noise = np.random.default_rng(1).uniform(-0.0007, 0.0007, rack.positions.shape)
-    bs.Scene(placed_positions(poses(rack.positions + noise), rack, TOLERANCE))  # which checks overlaps and rails
+    bs.Scene(
+        placed_positions(poses(rack.positions + noise), rack, TOLERANCE, "table")
+    )  # which checks overlaps and rails
 
 
 def test_what_a_camera_saw_becomes_the_table(site: Site) -> None:
@@ -94,7 +96,7 @@ def test_what_a_camera_saw_becomes_the_table(site: Site) -> None:
     assert "got 3" in refused["reason"]
     verdict = client.place(poses(seen))
     assert (verdict["accepted"], verdict["reason"]) == (True, "")
-    expected = [tuple(row) for row in placed_positions(poses(seen), scene, TOLERANCE).tolist()]
+    expected = [tuple(row) for row in placed_positions(poses(seen), scene, TOLERANCE, "table").tolist()]
     client.spin_until(lambda: np.allclose(positions(client.poses[-1]), expected, rtol=0.0, atol=1e-15))
     before = len(client.markers)
     client.spin_until(lambda: len(client.markers) > before + 2)
@@ -115,4 +117,4 @@ def test_what_a_camera_saw_becomes_the_table(site: Site) -> None:
 def test_what_was_separated_may_be_placed_again_without_tolerance() -> None:
     touching = [[0.5, 0.5], [0.5 + 2.0 * RADIUS - 0.5 * TOUCHING, 0.5]]
     scene = bs.Scene(APART)
-    assert np.abs(placed_positions(poses(touching), scene, 0.0) - touching).max() == 0.0
+    assert np.abs(placed_positions(poses(touching), scene, 0.0, "table") - touching).max() == 0.0

@@ -120,7 +120,7 @@ def test_preview_json_keeps_every_digit() -> None:
 def test_markers_draw_paths_contacts_and_final_positions() -> None:
     simulation = bs.Simulation(bs.Scene([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0]]))
     found = preview.predict(simulation, Shot((30.0, 0.0, 0.0)))
-    first, *others = markers.preview_markers(found, ("cue", "1", "2"), RADIUS, 1_500_000_000).markers
+    first, *others = markers.preview_markers(found, ("cue", "1", "2"), RADIUS, 1_500_000_000, "table").markers
     assert first.action == Marker.DELETEALL
     by_id = {(marker.ns, marker.id): marker for marker in others}
     assert set(by_id) == {
@@ -143,7 +143,7 @@ def test_markers_draw_paths_contacts_and_final_positions() -> None:
         ball = by_id["preview_balls", index]
         assert (ball.pose.position.x, ball.pose.position.y) == place
         assert 0.0 < ball.color.a < 1.0
-    assert [one.action for one in markers.preview_markers(None, (), RADIUS, 0).markers] == [Marker.DELETEALL]
+    assert [one.action for one in markers.preview_markers(None, (), RADIUS, 0, "table").markers] == [Marker.DELETEALL]
 
 
 def test_the_table_answers_within_one_tick_and_then_plays_what_it_said(site: Site) -> None:

@@ -53,11 +53,11 @@ def no_tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_frame_lies_at_its_ball_in_the_frame_of_the_table() -> None:
-    frames = BallFrames(TFMessage, ("cue", "1"), 0.03)
+    frames = BallFrames(TFMessage, ("left/cue", "left/1"), 0.03, "hall")
     message = frames.at([[0.5, 0.6], [1.5, 1.6]], 2_000_000_005)
-    assert [frame.child_frame_id for frame in message.transforms] == ["cue", "1"]
+    assert [frame.child_frame_id for frame in message.transforms] == ["left/cue", "left/1"]
     for frame, place in zip(message.transforms, [(0.5, 0.6, 0.03), (1.5, 1.6, 0.03)]):
-        assert frame.header.frame_id == "table"
+        assert frame.header.frame_id == "hall"
         assert (frame.header.stamp.sec, frame.header.stamp.nanosec) == (2, 5)
         move, turn = frame.transform.translation, frame.transform.rotation
         assert (move.x, move.y, move.z) == place

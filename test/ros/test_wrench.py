@@ -36,7 +36,7 @@ def torque_about_centre(force: np.ndarray, side: float, up: float) -> np.ndarray
 @given(sizes, angles, offsets, offsets)
 def test_torque_of_the_contact_point_gives_its_offset(size: float, angle: float, side: float, up: float) -> None:
     force = np.array((size * math.cos(angle), size * math.sin(angle), 0.0))
-    shot = shot_from_wrench(message_of(tuple(force), tuple(torque_about_centre(force, side, up))))
+    shot = shot_from_wrench(message_of(tuple(force), tuple(torque_about_centre(force, side, up))), "table")
     assert shot.ball == "cue"
     assert shot.force == tuple(force)
     assert shot.offset == pytest.approx((side, up), abs=1e-15)
@@ -52,18 +52,20 @@ def test_wrench_of_a_shot_is_the_torque_of_its_contact_point(size: float, angle:
 @given(sizes, angles, st.integers(-28, 28), st.integers(-28, 28))
 def test_decimal_offsets_come_back_to_the_bit(size: float, angle: float, side: int, up: int) -> None:
     force = (size * math.cos(angle), size * math.sin(angle), 0.0)
-    shot = shot_from_wrench(wrench_from_shot(force, (side / 1000, up / 1000)))
+    shot = shot_from_wrench(wrench_from_shot(force, (side / 1000, up / 1000)), "table")
     assert shot.offset == (side / 1000, up / 1000)
 
 
 def test_an_empty_frame_is_the_tables() -> None:
-    assert shot_from_wrench(message_of((80, 0, 0), (0, 0, 0), frame="")).offset == (0.0, 0.0)
+    assert shot_from_wrench(message_of((80, 0, 0), (0, 0, 0), frame=""), "table").offset == (0.0, 0.0)
 
 
 def test_torque_typed_with_few_decimals_is_taken() -> None:
     force = np.array((69.282, 40.0, 0.0))
     torque = np.round(torque_about_centre(force, 0.0, 0.01), 4)
-    assert shot_from_wrench(message_of(tuple(force), tuple(torque))).offset == pytest.approx((0.0, 0.01), abs=1e-6)
+    assert shot_from_wrench(message_of(tuple(force), tuple(torque)), "table").offset == pytest.approx(
+        (0.0, 0.01), abs=1e-6
+    )
 
 
 nan, inf = math.nan, math.inf
@@ -86,10 +88,10 @@ BAD = [
 @pytest.mark.parametrize(("message", "reason"), BAD)
 def test_bad_wrenches_are_refused_with_the_reason(message: WrenchStamped, reason: str) -> None:
     with pytest.raises(ValueError, match=re.escape(reason)):
-        shot_from_wrench(message)
+        shot_from_wrench(message, "table")
 
 
 def test_the_tolerance_is_the_bound() -> None:
-    shot_from_wrench(message_of((80, 0, 0), (0.99 * 80 * TORQUE_TOLERANCE, 0, 0)))
+    shot_from_wrench(message_of((80, 0, 0), (0.99 * 80 * TORQUE_TOLERANCE, 0, 0)), "table")
     with pytest.raises(ValueError, match="torque along the force"):
-        shot_from_wrench(message_of((80, 0, 0), (1.01 * 80 * TORQUE_TOLERANCE, 0, 0)))
+        shot_from_wrench(message_of((80, 0, 0), (1.01 * 80 * TORQUE_TOLERANCE, 0, 0)), "table")

@@ -17,7 +17,7 @@ from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
 from billiards_sim.ros.process import Child, StartError, Stopped, isolate, noted_signals, own_arguments, ros
-from billiards_sim.ros.state_publisher import LATCHED
+from billiards_sim.ros.qos import LATCHED
 from billiards_sim.ros.tools.commentary import Commentary
 
 BREAK_FORCE = ("128", "0")

@@ -29,7 +29,7 @@ from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import Parser, positive_seconds
 from billiards_sim.ros.process import Child, Stopped, isolate, ros, stoppable
-from billiards_sim.ros.state_publisher import LATCHED
+from billiards_sim.ros.qos import LATCHED
 
 TOPICS = {
     "states": ("balls/states", MultiDOFJointState),

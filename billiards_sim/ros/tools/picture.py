@@ -25,6 +25,7 @@ from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import markers, messages
+from billiards_sim.ros.parameters import DEFAULT_FRAME
 from billiards_sim.ros.preview import predict
 from billiards_sim.ros.tools.rendering import View, draw
 
@@ -122,8 +123,8 @@ def read_displays(settings: Mapping[str, Any]) -> dict[str, Display]:
 def break_messages(scene: Scene, shot: Aim, duration: float) -> Iterator[Sent]:
     """What the node publishes from a shot on, for a time in s."""
     simulation = _struck(scene, shot)
-    balls = markers.BallMarkers(scene.names, scene.physics.radius, RATE)
-    yield 0.0, "table_markers", markers.table_markers(scene.table, scene.physics.radius, 0)
+    balls = markers.BallMarkers(scene.names, scene.physics.radius, RATE, DEFAULT_FRAME)
+    yield 0.0, "table_markers", markers.table_markers(scene.table, scene.physics.radius, 0, DEFAULT_FRAME)
     for tick in range(round(duration * RATE) + 1):
         stamp = round(simulation.time * messages.NANOSECONDS)
         yield tick / RATE, "markers", copy.deepcopy(balls.update(simulation.positions.tolist(), stamp))
@@ -133,11 +134,11 @@ def break_messages(scene: Scene, shot: Aim, duration: float) -> Iterator[Sent]:
 def preview_messages(scene: Scene, shot: Aim) -> Iterator[Sent]:
     """What the node publishes for a preview on a table at rest."""
     physics = scene.physics
-    balls = markers.BallMarkers(scene.names, physics.radius, RATE)
+    balls = markers.BallMarkers(scene.names, physics.radius, RATE, DEFAULT_FRAME)
     preview = predict(Simulation(scene), shot.shot(physics))
-    yield 0.0, "table_markers", markers.table_markers(scene.table, physics.radius, 0)
+    yield 0.0, "table_markers", markers.table_markers(scene.table, physics.radius, 0, DEFAULT_FRAME)
     yield 0.0, "markers", balls.update(scene.positions.tolist(), 0)
-    yield 0.0, "preview", markers.preview_markers(preview, scene.names, physics.radius, 0)
+    yield 0.0, "preview", markers.preview_markers(preview, scene.names, physics.radius, 0, DEFAULT_FRAME)
 
 
 def _struck(scene: Scene, shot: Aim) -> Simulation:
