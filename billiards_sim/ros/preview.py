@@ -88,7 +88,9 @@ def preview_json(
     answer = answer_record("", preview.start, request)
     answer["complete"] = preview.complete
     answer["duration"] = preview.end - preview.start
+    answer["names"] = list(names)
     answer["final_positions"] = dict(zip(names, preview.final_positions))
+    answer["paths"] = dict(zip(names, preview.paths))
     answer["events"] = [collision_record(event, stamps.at(event.time), radius) for event in preview.events]
     return json.dumps(answer)
 

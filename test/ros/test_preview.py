@@ -96,6 +96,13 @@ def test_events_end_a_preview(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 20 <= len(found.events) < 130
 
 
+def simulated_rest(simulation: bs.Simulation) -> list[list[float]]:
+    """Where the balls come to rest after the break."""
+    simulation.strike(BREAK.force, BREAK.offset)
+    simulation.run()
+    return simulation.positions.tolist()
+
+
 def test_preview_json_keeps_every_digit() -> None:
     simulation = table()
     found = preview.predict(simulation, BREAK)
@@ -111,6 +118,10 @@ def test_preview_json_keeps_every_digit() -> None:
     }
     assert read["request"] == {"sec": 7, "nanosec": 8}
     assert read["duration"] == found.end - 1.5
+    assert read["names"] == list(names)
+    assert read["paths"] == {name: [list(point) for point in path] for name, path in zip(names, found.paths)}
+    assert read["paths"]["cue"][0] == [1.5, *simulation.positions[0]]
+    assert [path[-1][1:] for path in read["paths"].values()] == simulated_rest(simulation)
     assert read["final_positions"] == dict(zip(names, map(list, found.final_positions)))
     assert [event["kind"] for event in read["events"]] == [event.kind for event in found.events]
     assert [event["time"] for event in read["events"]] == [event.time for event in found.events]
