@@ -9,7 +9,7 @@ from copy import copy
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -17,6 +17,12 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 EVENT_DEPTH = 1000
 """Messages kept for a reliable subscriber that falls behind: those of 10 s of ticks at 100 Hz."""
+
+KEPT = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
+"""Requests all wait, up to what the middleware has room for (5000 in Fast DDS); then their publishers keep them."""
+
+ANSWER_DEPTH = 10_000
+"""Answers kept for a subscriber that falls behind: those of 5 s of 2000 requests a second."""
 
 STATE_DEPTH = 10
 """Ticks kept for one."""

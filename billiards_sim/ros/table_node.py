@@ -39,6 +39,7 @@ from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters, qos
 from billiards_sim.ros.event_queue import MOST_WAITING
+from billiards_sim.ros.inbox import Inbox
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.preview import Preview, predict, preview_json
@@ -50,7 +51,7 @@ from billiards_sim.ros.process import (
     ros,
     stoppable,
 )
-from billiards_sim.ros.qos import EVENT_DEPTH, STATE_DEPTH
+from billiards_sim.ros.qos import ANSWER_DEPTH, STATE_DEPTH
 from billiards_sim.ros.state_publisher import StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
@@ -121,10 +122,10 @@ class TableNode(Node):
         self._dropped_events = 0  # of `_publisher.dropped_events`, likewise
 
         self._publisher = StatePublisher(self, len(self._scene))
-        self._shot_result_publisher = self.create_publisher(String, "shot_result", EVENT_DEPTH)
+        self._shot_result_publisher = self.create_publisher(String, "shot_result", ANSWER_DEPTH)
         self._preview_publisher = self.create_publisher(MarkerArray, "preview", STATE_DEPTH)
-        self._preview_result_publisher = self.create_publisher(String, "preview/result", EVENT_DEPTH)
-        self._placement_result_publisher = self.create_publisher(String, "placement_result", EVENT_DEPTH)
+        self._preview_result_publisher = self.create_publisher(String, "preview/result", ANSWER_DEPTH)
+        self._placement_result_publisher = self.create_publisher(String, "placement_result", ANSWER_DEPTH)
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
         """As every node's, but that `qos_overrides.*` is heard."""
@@ -169,9 +170,9 @@ class TableNode(Node):
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
-        self.create_subscription(WrenchStamped, "cue_shot", self._on_cue_shot, EVENT_DEPTH)
-        self.create_subscription(WrenchStamped, "cue_shot/preview", self._on_preview, EVENT_DEPTH)
-        self.create_subscription(PoseArray, "place_balls", self._on_place_balls, EVENT_DEPTH)
+        Inbox(self, WrenchStamped, "cue_shot", self._on_cue_shot)
+        Inbox(self, WrenchStamped, "cue_shot/preview", self._on_preview)
+        Inbox(self, PoseArray, "place_balls", self._on_place_balls)
         for name in qos.unknown_overrides(self):
             self.get_logger().warning(f"parameter {name!r} names no topic or policy of this node")
 

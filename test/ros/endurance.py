@@ -94,6 +94,15 @@ LEAST_SENT = 0.99
 MOST_RATE_ERROR = 0.05
 """Of the rate of the ticks, relative."""
 
+CALM = 5.0
+"""s of good shots alone before the flood, to tell what a refusal costs."""
+
+MOST_REFUSAL = 1.5e-4
+"""s of the table's processor time for a malformed shot."""
+
+MOST_SPACING = 0.1
+"""s between two ticks under the flood."""
+
 MOST_LINES = 1.2
 """Lines a second about refused shots: one, and room for the two ends of the flood."""
 
@@ -466,14 +475,22 @@ def run_flood(given: argparse.Namespace) -> dict[str, Any]:
     random = np.random.default_rng(2)
     good = 0
     with Table() as table, Client(everything=False) as client:
-        client.connect()
-        with ProcessPoolExecutor(1, SPAWN) as pool:
-            flooding, watch = pool.submit(flood, given.rate, given.seconds, table.pid), Watch(table)
-            while not flooding.done():
+
+        def play_until(done: Callable[[], bool]) -> None:
+            nonlocal good
+            while not done():
                 if not client.shooting:
                     client.shoot(random_shot(random))
                     good += 1
                 client.spin()
+
+        client.connect()
+        calm, calm_ends = Watch(table), time.monotonic() + CALM
+        play_until(lambda: time.monotonic() > calm_ends)
+        calm_load = calm.loads()["table_load"]
+        with ProcessPoolExecutor(1, SPAWN) as pool:
+            flooding, watch = pool.submit(flood, given.rate, given.seconds, table.pid), Watch(table)
+            play_until(flooding.done)
             flooded, client_load = flooding.result(), watch.loads()["client_load"]
         client.wait_for_silence()
         client.spin_until(lambda: client.at_rest, SHOT_TIMEOUT)
@@ -485,6 +502,7 @@ def run_flood(given: argparse.Namespace) -> dict[str, Any]:
     seconds = flooded["ended"] - flooded["began"]
     ticks = evenness([at for at in client.poses if flooded["began"] <= at <= flooded["ended"]], UPDATE_RATE)
     refused, accepted = len(client.refusals), len(delays)
+    refusal = (flooded["table_load"] - calm_load) * seconds / max(refused, 1)  # s of processor time
     return {
         "malformed_sent": flooded["sent"],
         "malformed_per_s": flooded["sent"] / seconds,
@@ -496,6 +514,7 @@ def run_flood(given: argparse.Namespace) -> dict[str, Any]:
         **ticks,
         "position_error_m": error,
         "refusals_logged": refusals_logged,
+        "refusal_ms": 1e3 * refusal,
         "table_load": flooded["table_load"],
         "flood_load": flooded["flood_load"],
         "client_load": client_load,
@@ -504,6 +523,8 @@ def run_flood(given: argparse.Namespace) -> dict[str, Any]:
             refused=refused == flooded["sent"],
             good_accepted=accepted == good,
             mean_rate=ticks["mean_rate"] and abs(ticks["mean_rate"] / UPDATE_RATE - 1.0) <= MOST_RATE_ERROR,
+            spacing_longest=bool(ticks["mean_rate"]) and ticks["spacing_longest"] <= MOST_SPACING,
+            refusal_ms=refusal <= MOST_REFUSAL,
             position_error=error <= MOST_POSITION_ERROR,
             refusals_logged=0 < refusals_logged <= MOST_LINES * given.seconds + 1.0,
         ),
@@ -654,7 +675,7 @@ def main() -> int:
     parser.add_argument("parts", nargs="*", metavar="part", help=f"{', '.join(PARTS)}; all without one")
     parser.add_argument("--hours", type=float, default=1.0, help="of simulated shots (%(default)s)")
     parser.add_argument("--seconds", type=float, default=30.0, help="of the flood (%(default)s)")
-    parser.add_argument("--rate", type=float, default=1000.0, help="of the flood, shots a second (%(default)s)")
+    parser.add_argument("--rate", type=float, default=2000.0, help="of the flood, shots a second (%(default)s)")
     parser.add_argument("--kills", type=int, default=3, help="in a row (%(default)s)")
     parser.add_argument("--breaks", type=int, default=100, help="that the short queue sees (%(default)s)")
     parser.add_argument("--joiners", type=int, default=5, help="one after the other (%(default)s)")

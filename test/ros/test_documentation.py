@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from conftest import Site
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from billiards_sim.engine.quantity import quantities
 from billiards_sim.ros import parameters
@@ -50,6 +50,8 @@ def type_name(kind: type) -> str:
 
 def queue(topic: str, qos: QoSProfile) -> str:
     assert qos.reliability == ReliabilityPolicy.RELIABLE
+    if qos.history == HistoryPolicy.KEEP_ALL:
+        return "all"
     if topic == "balls/twists":
         return f"{qos.depth / MOST_BALLS:g} a ball"
     return f"{qos.depth}, latched" if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else f"{qos.depth}"
