@@ -19,7 +19,7 @@ MOST_AT_ONCE = 100
 """Messages of one topic until the others have their turn: some 10 ms."""
 
 PAUSE = 0.005
-"""s. A message that comes sooner than that after the last ones is one of a stream: the next are waited for, this long."""
+"""s. A message that comes sooner than that after the last is one of a stream: the next are waited for, this long."""
 
 
 class Inbox:
