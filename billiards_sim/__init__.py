@@ -8,7 +8,8 @@ from billiards_sim.engine import scenes
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.record import Run, record
-from billiards_sim.engine.scene import Scene, Shot, load_scene, save_scene
+from billiards_sim.engine.scene import Scene, Shot
+from billiards_sim.engine.scene_file import load_scene, save_scene
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.engine.table import Table
 

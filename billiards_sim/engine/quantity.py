@@ -9,9 +9,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
+
+LONGEST_SHOWN = 100
+"""Characters of a message that show what was given."""
+
+MOST_LISTED = 30
+"""Names in a message: all balls of a game of snooker."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,9 @@ def check_quantities(owner: Any) -> None:
         given = getattr(owner, name)
         value = _as_float(given)
         if value is None or not declared.contains(value):
-            raise ValueError(f"{group}.{name} must be a number {declared.bounds()} ({declared.unit}), got {given!r}")
+            raise ValueError(
+                f"{group}.{name} must be a number {declared.bounds()} ({declared.unit}), got {shown(given)}"
+            )
         object.__setattr__(owner, name, value)
 
 
@@ -69,11 +79,11 @@ def from_mapping(owner: type, values: Any) -> Any:
     """
     group = owner.__name__.lower()
     if not isinstance(values, dict):
-        raise ValueError(f"{group} must be a mapping of names to numbers, got {values!r}")
+        raise ValueError(f"{group} must be a mapping of names to numbers, got {shown(values)}")
     known = quantities(owner)
     for key in values:
         if key not in known:
-            raise ValueError(f"{group} has no field {key!r}; known: {', '.join(known)}")
+            raise ValueError(f"{group} has no field {shown(key)}; known: {', '.join(known)}")
     return owner(**values)
 
 
@@ -85,7 +95,7 @@ def number(name: str, given: Any) -> float:
     """
     value = _as_float(given)
     if value is None or not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {given!r}")
+        raise ValueError(f"{name} must be a finite number, got {shown(given)}")
     return value
 
 
@@ -101,8 +111,25 @@ def numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
         values = []
     floats = tuple(value for value in values if value is not None)
     if len(values) != count or len(floats) != count:
-        raise ValueError(f"{name} must be {count} numbers, got {given!r}")
+        raise ValueError(f"{name} must be {count} numbers, got {shown(given)}")
     return floats
+
+
+def shown(given: Any) -> str:
+    """What was given, for a message: its start, where it is long."""
+    text = repr(given)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a message: the first ones, where there are many."""
+    rest = len(names) - MOST_LISTED
+    return ", ".join(names[:MOST_LISTED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def is_text(given: str) -> bool:
+    """Whether a text can be written anywhere and on one line: no control characters, line ends or half characters."""
+    return not any(unicodedata.category(character) in ("Cc", "Cs", "Zl", "Zp") for character in given)
 
 
 def _as_float(given: Any) -> float | None:

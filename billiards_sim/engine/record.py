@@ -14,6 +14,7 @@ from billiards_sim.engine.events import Event
 from billiards_sim.engine.jit import columns, rows, set_columns, take_rows
 from billiards_sim.engine.moment import inner_time
 from billiards_sim.engine.orientation import End, Turn, turn_along, turn_each
+from billiards_sim.engine.quantity import listed
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.engine.trajectory import Recorder
@@ -119,7 +120,7 @@ class Run:
             ValueError: no such ball.
         """
         if ball not in self.scene.names:
-            raise ValueError(f"no ball is named {ball!r}; the balls are {', '.join(self.scene.names)}")
+            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self.scene.names)}")
         index = self.scene.names.index(ball)
         times = self._path_times(index, np.unique([self.start, *self._event_times[ball], self.end]))
         points = self._positions(*self._arcs_of(index, self._inner(times)))

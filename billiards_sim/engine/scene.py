@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene: the balls at the start, the table, the physics and, if wanted, a first shot; and its YAML file."""
+"""A scene: the balls at the start, the table, the physics and, if wanted, a first shot."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_sim.engine.physics import Physics
-from billiards_sim.engine.quantity import from_mapping, numbers
+from billiards_sim.engine.quantity import is_text, listed, numbers, shown
 from billiards_sim.engine.state import SPEED_LIMIT
 from billiards_sim.engine.table import Table
 
@@ -22,6 +20,8 @@ OVERLAP_TOLERANCE = 1e-9
 """m. How far a start position may reach into another ball or a rail: decimal positions of touching balls are rounded
 by 1e-16 m, positions that went through a text file by 1e-10 m; one that is further in is a mistake."""
 
+LONGEST_NAME = 100
+"""Characters of a ball's name: more fits no line and no picture."""
 
 PAPER_TABLE = Table()
 PAPER_PHYSICS = Physics()
@@ -61,9 +61,9 @@ class Scene:
         track_orientation: whether a `Simulation` keeps `orientations`; it costs time only then.
 
     Raises:
-        ValueError: wrong shape, not finite, faster than `SPEED_LIMIT`, duplicate names, balls that overlap or reach
-            into a rail by more than `OVERLAP_TOLERANCE`, a shot at a ball that is not there. The text names the ball
-            and the figure.
+        ValueError: wrong shape, not finite, faster than `SPEED_LIMIT`, names that are no text or not different, balls
+            that overlap or reach into a rail by more than `OVERLAP_TOLERANCE`, a shot at a ball that is not there. The
+            text names the ball and the figure.
     """
 
     positions: NDArray[np.float64]
@@ -98,6 +98,9 @@ class Scene:
         _check_type("table", table, Table)
         _check_type("physics", physics, Physics)
         _check_type("track_orientation", track_orientation, bool)
+        _check_type("name", name, str)
+        if not is_text(name):
+            raise ValueError(f"name must be free of control characters and surrogates, got {shown(name)}")
         ball_names = _names(names, count)
         values = {
             "positions": _rows("positions", positions, ball_names, 2),
@@ -118,108 +121,15 @@ class Scene:
         if shot is not None:
             _check_type("shot", shot, Shot)
             if shot.ball not in ball_names:
-                raise ValueError(f"shot.ball {shot.ball!r} is not in the scene; its balls: {', '.join(ball_names)}")
+                raise ValueError(f"shot.ball {shown(shot.ball)} is not in the scene; its balls: {listed(ball_names)}")
 
     def __len__(self) -> int:
         return len(self.names)
 
 
-def load_scene(path: str | Path) -> Scene:
-    """Read a scene from a YAML file (safe loading only).
-
-    Raises:
-        ValueError: not YAML, not a scene, or a scene that `Scene` refuses; the text starts with the path.
-        OSError: the file cannot be read.
-        ImportError: PyYAML is not installed.
-    """
-    yaml = _yaml()
-    text = Path(path).read_text(encoding="utf-8")
-    try:
-        return _from_document(yaml.safe_load(text))
-    except RecursionError:
-        raise ValueError(f"{path}: too deeply nested for a scene") from None
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def save_scene(scene: Scene, path: str | Path) -> None:
-    """Write a scene as YAML; `load_scene` gives back the same numbers to the last bit.
-
-    Raises:
-        OSError: the file cannot be written.
-        ImportError: PyYAML is not installed.
-    """
-    document: dict[str, Any] = {
-        "name": scene.name,
-        "table": dataclasses.asdict(scene.table),
-        "physics": dataclasses.asdict(scene.physics),
-        "balls": [
-            {"name": name, "position": p.tolist(), "velocity": v.tolist(), "angular_velocity": w.tolist()}
-            for name, p, v, w in zip(
-                scene.names, scene.positions, scene.velocities, scene.angular_velocities, strict=True
-            )
-        ],
-    }
-    if scene.shot is not None:
-        shot = scene.shot
-        document["shot"] = {"ball": shot.ball, "force": list(shot.force), "offset": list(shot.offset)}
-    if scene.track_orientation:
-        document["track_orientation"] = True
-    text = _yaml().safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
-    Path(path).write_text(text, encoding="utf-8")
-
-
-def _yaml() -> Any:
-    try:
-        import yaml
-    except ImportError:
-        raise ImportError("scene files need PyYAML: pip install pyyaml") from None
-    return yaml
-
-
-def _from_document(document: Any) -> Scene:
-    _check_keys(
-        "scene", document, required={"balls"}, optional={"name", "table", "physics", "shot", "track_orientation"}
-    )
-    balls = document["balls"]
-    if not isinstance(balls, list) or not balls:
-        raise ValueError(f"balls must be a list of at least one ball, got {balls!r}")
-    for index, ball in enumerate(balls):
-        _check_keys(f"balls[{index}]", ball, {"name", "position"}, {"velocity", "angular_velocity"})
-    shot = document.get("shot")
-    if shot is not None:
-        _check_keys("shot", shot, required={"force"}, optional={"ball", "offset"})
-        shot = Shot(**shot)
-    return Scene(
-        positions=[ball["position"] for ball in balls],
-        velocities=[ball.get("velocity", [0.0, 0.0]) for ball in balls],
-        angular_velocities=[ball.get("angular_velocity", [0.0, 0.0, 0.0]) for ball in balls],
-        names=[ball["name"] for ball in balls],
-        table=from_mapping(Table, document.get("table") or {}),
-        physics=from_mapping(Physics, document.get("physics") or {}),
-        name=str(document.get("name") or ""),
-        shot=shot,
-        track_orientation=document.get("track_orientation", False),
-    )
-
-
-def _check_keys(where: str, mapping: Any, required: set[str], optional: set[str]) -> None:
-    if not isinstance(mapping, dict):
-        raise ValueError(f"{where} must be a mapping, got {mapping!r}")
-    missing = required - mapping.keys()
-    unknown = [key for key in mapping if key not in required | optional]
-    if missing:
-        raise ValueError(f"{where} lacks {', '.join(sorted(missing))}")
-    if unknown:
-        known = ", ".join(sorted(required | optional))
-        raise ValueError(f"{where} has no key {unknown[0]!r}; known: {known}")
-
-
 def _check_type(name: str, value: Any, expected: type) -> None:
     if not isinstance(value, expected):
-        raise ValueError(f"{name} must be a {expected.__name__}, got {value!r}")
+        raise ValueError(f"{name} must be a {expected.__name__}, got {shown(value)}")
 
 
 def _names(given: Any, count: int) -> tuple[str, ...]:
@@ -227,14 +137,22 @@ def _names(given: Any, count: int) -> tuple[str, ...]:
         return ("cue", *(str(index) for index in range(1, count)))
     names = (given,) if isinstance(given, str) else tuple(given)
     for name in names:
-        if not isinstance(name, str) or not name:
-            raise ValueError(f"ball names must be non-empty strings, got {name!r}")
+        _check_name(name)
     if len(names) != count:
         raise ValueError(f"{len(names)} names for {count} balls")
-    for index, name in enumerate(names):
-        if name in names[:index]:
-            raise ValueError(f"two balls are named {name!r}")
+    if len(set(names)) < count:
+        double = next(name for index, name in enumerate(names) if name in names[:index])
+        raise ValueError(f"two balls are named {double!r}")
     return names
+
+
+def _check_name(name: Any) -> None:
+    if not isinstance(name, str) or not name:
+        raise ValueError(f"ball names must be non-empty strings, got {shown(name)}")
+    if len(name) > LONGEST_NAME:
+        raise ValueError(f"ball names must have at most {LONGEST_NAME} characters, got {len(name)}: {shown(name)}")
+    if not is_text(name):
+        raise ValueError(f"ball names must be free of control characters and surrogates, got {name!r}")
 
 
 def _rows(key: str, given: ArrayLike | None, names: tuple[str, ...], width: int) -> NDArray[np.float64]:

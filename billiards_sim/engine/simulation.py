@@ -32,7 +32,9 @@ from billiards_sim.engine.jit import (
 from billiards_sim.engine.loop import PAUSED, run_until
 from billiards_sim.engine.moment import Moment, begun_anew, copied, start
 from billiards_sim.engine.orientation import turn_all
-from billiards_sim.engine.scene import Scene, Shot, save_scene
+from billiards_sim.engine.quantity import listed
+from billiards_sim.engine.scene import Scene, Shot
+from billiards_sim.engine.scene_file import save_scene
 from billiards_sim.engine.state import (
     AT_REST,
     INF,
@@ -248,7 +250,7 @@ class Simulation:
                 the ball. Nothing changes then.
         """
         if ball not in self._scene.names:
-            raise ValueError(f"no ball is named {ball!r}; the balls are {', '.join(self._scene.names)}")
+            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
         index = self._scene.names.index(ball)
         struck = strike(force, offset, self._scene.physics)
         before = self._now

@@ -16,7 +16,8 @@ from pathlib import Path
 
 from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
 from billiards_sim.engine.aim import Aim
-from billiards_sim.engine.scene import Scene, load_scene
+from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene_file import load_scene
 from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.simulation import StallError
 from billiards_sim.shot_options import add_shot_options, shot_asked_for

@@ -89,6 +89,18 @@ def test_a_bad_scene_file_is_refused(tmp_path: Path, text: str) -> None:
         parameters.read_settings({"scene": str(path)})
 
 
+@pytest.mark.parametrize(("count", "taken"), [(100, True), (101, False), (20_000, False)])
+def test_a_table_takes_a_bounded_number_of_balls(tmp_path: Path, count: int, taken: bool) -> None:
+    balls = (f"  - {{name: b{index}, position: [{0.1 + 0.1 * index}, 0.5]}}\n" for index in range(count))
+    path = tmp_path / "scene.yaml"
+    path.write_text("table: {length: 2100}\nballs:\n" + "".join(balls))
+    if taken:
+        assert len(parameters.read_settings({"scene": str(path)}).scene) == count
+        return
+    with pytest.raises(ValueError, match=r"parameter 'scene': .*scene.yaml: .* 100 balls"):
+        parameters.read_settings({"scene": str(path)})
+
+
 def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     text = (CONFIG / "table.yaml").read_text()
     document = yaml.safe_load(text)

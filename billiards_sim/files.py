@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def written(path: str | Path) -> Iterator[Path]:
+    """Write a file beside its place, and put it there when the block ends.
+
+    Yields the path to write to, whose ending is that of `path`. Where the block fails or is interrupted, nothing is
+    left of it, and what was at `path` stays. A device or a pipe is written to directly.
+
+    Raises:
+        OSError: it cannot be written; the one that names `path`, if it is known before the block.
+    """
+    final = Path(os.path.realpath(path))  # a link stays a link
+    if final.exists() and not final.is_file():
+        yield final
+        return
+    beside = final.with_name(f".{final.stem[:100]}.{os.getpid()}{final.suffix}")
+    try:
+        beside.open("wb").close()  # fails here, if it does, and with the mode that a new file has
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(path)) from None
+    try:
+        yield beside
+        if final.exists():
+            shutil.copymode(final, beside)
+        beside.replace(final)
+    finally:
+        beside.unlink(missing_ok=True)
