@@ -19,6 +19,9 @@ from billiards_sim.engine.events import Event
 
 NANOSECONDS = 1_000_000_000
 
+LAST_STAMP = 2**31 * NANOSECONDS - 1
+"""ns. The seconds of a message are 32 bits with a sign."""
+
 VERSION = 2
 """Of the JSON on every topic; it changes when a key changes its meaning or goes."""
 
@@ -36,22 +39,23 @@ LENGTH = 4
 
 
 class Stamps:
-    """ROS stamps of simulated times, ns.
+    """ROS stamps of simulated times, ns: one time has a stamp, and from there simulated time counts.
 
-    Stamps follow simulated time from the node clock's reading at the start. With a real-time factor of 1 they are
-    wall-clock stamps while the machine keeps up; with another they run faster or slower. They never go back: after a
-    reset simulated time 0 takes the stamp at which the reset found the table.
+    Args:
+        stamp: ns.
+        time: simulated, s.
     """
 
-    def __init__(self, epoch: int) -> None:
-        self._epoch = epoch
+    def __init__(self, stamp: int, time: float = 0.0) -> None:
+        self._stamp = stamp
+        self._time = time
 
     def at(self, time: float) -> int:
-        """Stamp of a simulated time (s), ns."""
-        return self._epoch + round(time * NANOSECONDS)
+        """Stamp of a simulated time (s), ns; `LAST_STAMP` at most."""
+        return min(self._stamp + round((time - self._time) * NANOSECONDS), LAST_STAMP)
 
     def restarted(self, time: float) -> Stamps:
-        """Those that follow where simulated time goes back to 0 at this simulated time (s)."""
+        """Those that go on where simulated time goes back to 0 at this simulated time (s)."""
         return Stamps(self.at(time))
 
 

@@ -34,15 +34,26 @@ class Metronome:
         self._beat = beat
         self._changed = threading.Condition(lock)
         self._period = self._due = math.inf  # s; of the steady clock
+        self._rung = False
         self.lost = 0.0
         self._stopped = False
         self._thread: threading.Thread | None = None
 
     def set_rate(self, rate: float) -> None:
-        """Beat at this rate, Hz, for the first time in one period from now."""
+        """Beat at this rate, Hz: for the first time in a period from now, later in one from the last beat."""
+        period = 1.0 / rate
         with self._changed:
-            self._period = 1.0 / rate
-            self._due = time.monotonic() + self._period
+            if period == self._period:
+                return
+            now = time.monotonic()
+            self._due = now + period if math.isinf(self._period) else max(self._due - self._period + period, now)
+            self._period = period
+            self._changed.notify()
+
+    def ring(self) -> None:
+        """Beat as soon as the lock is free, beside the regular beats."""
+        with self._changed:
+            self._rung = True
             self._changed.notify()
 
     def start(self, fail: Callable[[Exception], object]) -> None:
@@ -70,9 +81,16 @@ class Metronome:
             fail(error)
 
     def _wait_or_beat(self) -> None:
-        self._changed.wait(min(max(self._due - time.monotonic(), BREATH), threading.TIMEOUT_MAX))
+        wait = BREATH if self._rung else max(self._due - time.monotonic(), BREATH)
+        self._changed.wait(min(wait, threading.TIMEOUT_MAX))
         now = time.monotonic()
-        if self._stopped or now < self._due:
+        if self._stopped:
+            return
+        if self._rung:
+            self._rung = False
+            self._beat()
+            return
+        if now < self._due:
             return
         left_out = max(now - LONGEST_DELAY - (self._due + self._period), 0.0)
         self.lost += left_out

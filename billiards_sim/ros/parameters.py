@@ -202,9 +202,10 @@ def changes(given: Iterable[Parameter], shown: Mapping[str, Any]) -> dict[str, A
     A value that is shown already is no change, so a dump of all parameters can be loaded at any time. But a scene file
     that is named again is read again: somebody may have edited it.
     """
+    last = {one.name: one for one in given}  # of several values of one parameter the last counts, as for every node
     return {
         one.name: one.value
-        for one in given
+        for one in last.values()
         if one.name in shown and (one.value != shown[one.name] or (one.name == "scene" and one.value not in BUILT_IN))
     }
 

@@ -143,8 +143,7 @@ class StatePublisher:
 
     def state(self, simulation: Simulation, stamp: int) -> None:
         """Where the balls are and how they move."""
-        if len(self._events):
-            self._collisions_publisher.publish(String(data=json.dumps(self._events.take())))
+        self._publish_events()
         if self._clock_publisher is not None:
             messages.set_stamp(self._clock.clock, stamp)
             self._clock_publisher.publish(self._clock)
@@ -162,6 +161,11 @@ class StatePublisher:
             self._publish_twists(simulation.at_rest, look, stamp)
         self.at_rest(simulation)
         self._ticks += 1
+
+    def happenings(self, simulation: Simulation) -> None:
+        """Events that wait, and rest, where no state is due."""
+        self._publish_events()
+        self.at_rest(simulation)
 
     def draw(self, simulation: Simulation, stamp: int) -> None:
         """Markers, if they are due at this tick."""
@@ -181,6 +185,10 @@ class StatePublisher:
         if at_rest != self._at_rest:
             self._at_rest = at_rest
             self._at_rest_publisher.publish(Bool(data=at_rest))
+
+    def _publish_events(self) -> None:
+        if len(self._events):
+            self._collisions_publisher.publish(String(data=json.dumps(self._events.take())))
 
     def _publish_twists(self, at_rest: bool, look: Look, stamp: int) -> None:
         # Every tick of a ball that moves, once when it has come to rest, and then when it is its turn.

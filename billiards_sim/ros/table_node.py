@@ -23,6 +23,8 @@ import rclpy
 from geometry_msgs.msg import PoseArray, WrenchStamped
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import ClockChange, JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -39,6 +41,7 @@ from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers, messages, parameters, qos
 from billiards_sim.ros.event_queue import MOST_WAITING
+from billiards_sim.ros.followed_clock import FollowedClock
 from billiards_sim.ros.inbox import Inbox
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
@@ -55,6 +58,10 @@ from billiards_sim.ros.qos import ANSWER_DEPTH, STATE_DEPTH
 from billiards_sim.ros.state_publisher import StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
+
+LOST_TIME_TOLD = 0.1
+"""s by which the stamps of a shot fall behind the clock before the log tells: what those who look up transforms
+commonly allow for (`transform_tolerance`)."""
 
 LOG_PERIOD = 1.0
 """s between two warnings of one kind in the log; every refusal is answered on its topic."""
@@ -114,11 +121,14 @@ class TableNode(Node):
         self._change: Change | None = None
         self._adopting = False
         self.lock = threading.RLock()  # a reset to a new scene sets parameters, whose callbacks take it again
-        self.metronome = Metronome(self._on_tick, self.lock)
+        self.metronome = Metronome(self._on_beat, self.lock)
         self._paused = False
         self._previews: deque[WrenchStamped] = deque()
         self._next_logs: dict[str, float] = {}  # s, of the steady clock, by what is told
-        self._lost_time = 0.0  # s of `metronome.lost` that the log has told of
+        self._lost_before = 0.0  # s, `metronome.lost` at the last tick
+        self._lost_time = 0.0  # s that stamps are behind the clock, and that the log has not told of
+        self._stamps_ended = False
+        self._followed = FollowedClock()
         self._dropped_events = 0  # of `_publisher.dropped_events`, likewise
 
         self._publisher = StatePublisher(self, len(self._scene))
@@ -160,10 +170,16 @@ class TableNode(Node):
     def start(self) -> None:
         """Put the scene on the table, start the clock, take shots."""
         self._simulation = Simulation(self._scene)
-        self._stamps = messages.Stamps(self.get_clock().now().nanoseconds)
+        self._stamps = messages.Stamps(self._now())
         self._apply_settings()
         self._publisher.table(self._stamp())
         self._publisher.at_rest(self._simulation)
+        threshold = JumpThreshold(
+            min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
+        )
+        self._jumps = self.get_clock().create_jump_callback(threshold, post_callback=self._on_clock)
+        if self._follows_clock:
+            self.get_logger().info("use_sim_time is true: time goes on with /clock")
         self.add_pre_set_parameters_callback(parameters.as_declared)
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.add_post_set_parameters_callback(self._on_parameters_set)
@@ -178,12 +194,17 @@ class TableNode(Node):
 
     def advance(self, duration: float) -> None:
         """Go on by `duration` s of simulated time and publish the state."""
+        rested, stamp = self._simulation.at_rest, self._stamp()
         try:
             self._publisher.events(self._simulation.advance(duration), self._stamps)
         except StallError as error:
             self.get_logger().error(f"the table goes back to the start of its scene: {error}")
             self._publisher.events(error.events, self._stamps)
             self._restart()
+        if self._simulation.at_rest and not self._settings.publish_clock:
+            # Simulated time that went on at rest does not count; but no stamp goes back.
+            earliest = stamp if rested else self._stamp()
+            self._stamps = messages.Stamps(max(self._now(), earliest), self._simulation.time)
         self._publisher.state(self._simulation, self._stamp())
 
     def reset(self) -> str:
@@ -201,11 +222,52 @@ class TableNode(Node):
     def _tick_time(self) -> float:
         return self._settings.real_time_factor / self._settings.update_rate  # s, simulated
 
-    def _on_tick(self) -> None:
-        self.advance(0.0 if self._paused else self._tick_time)
+    @property
+    def _period(self) -> int:
+        return round(messages.NANOSECONDS / self._settings.update_rate)  # ns
+
+    @property
+    def _follows_clock(self) -> bool:
+        # A table that publishes the clock makes the time that others, and with use_sim_time it too, read.
+        return bool(self.get_clock().ros_time_is_active) and not self._settings.publish_clock
+
+    @between_ticks
+    def _on_clock(self, jump: TimeJump) -> None:
+        # At every reading of a clock that is followed. What raises here is lost, so the metronome does the work.
+        if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
+            self._followed.forget()
+            if self._now() > 0:
+                self._stamps = messages.Stamps(self._now(), self._simulation.time)
+        if self._follows_clock and self._followed.due(self._now(), self._period):
+            self.metronome.ring()
+
+    def _on_beat(self) -> None:
+        if not self._follows_clock:
+            self._log_lost_time()
+            self._on_tick(self._tick_time)
+        elif self._followed.due(now := self._now(), self._period):
+            self._tick_by_clock(now)
+        else:
+            self._publisher.happenings(self._simulation)
+        self._after_beat()
+
+    def _tick_by_clock(self, now: int) -> None:
+        elapsed = self._followed.tick(now)
+        if elapsed is not None and elapsed < 0:
+            back, to = -elapsed / messages.NANOSECONDS, now / messages.NANOSECONDS
+            self.get_logger().warning(f"the clock went back by {back:.9g} s, to {to:.9g} s: {self.reset()}")
+            elapsed = None
+        if elapsed is None:
+            self._stamps = messages.Stamps(now, self._simulation.time)
+        self._on_tick((elapsed or 0) / messages.NANOSECONDS * self._settings.real_time_factor)
+
+    def _on_tick(self, duration: float) -> None:
+        self.advance(0.0 if self._paused else duration)
         self._publisher.draw(self._simulation, self._stamp())
-        self._log_lost_time()
+        self._log_end_of_stamps()
         self._log_dropped_events()
+
+    def _after_beat(self) -> None:
         # One a tick and after its messages, so that previews delay no tick by more than one of them takes.
         if self._previews:
             self._preview(self._previews.popleft())
@@ -395,9 +457,21 @@ class TableNode(Node):
             self.get_logger().warning(f"{what} refused: {_reason(error)}")
 
     def _log_lost_time(self) -> None:
-        if self.metronome.lost > self._lost_time and self._may_log("lost time"):
-            lost, self._lost_time = self.metronome.lost - self._lost_time, self.metronome.lost
-            self.get_logger().warning(f"ticks came too late: the table's time falls {lost:.3g} s behind the clock")
+        lost, self._lost_before = self.metronome.lost - self._lost_before, self.metronome.lost
+        if self._simulation.at_rest and not self._settings.publish_clock:
+            self._lost_time = 0.0  # stamps follow the clock
+            return
+        self._lost_time += lost
+        if self._lost_time >= LOST_TIME_TOLD and self._may_log("lost time"):
+            self.get_logger().warning(f"ticks came too late: stamps fall {self._lost_time:.3g} s behind the clock")
+            self._lost_time = 0.0
+
+    def _log_end_of_stamps(self) -> None:
+        ended = self._stamp() == messages.LAST_STAMP
+        if ended and not self._stamps_ended:
+            sec, nanosec = divmod(messages.LAST_STAMP, messages.NANOSECONDS)
+            self.get_logger().error(f"stamps stay at {sec}.{nanosec} s, the last that a message can have")
+        self._stamps_ended = ended
 
     def _log_dropped_events(self) -> None:
         dropped = self._publisher.dropped_events - self._dropped_events
@@ -419,6 +493,9 @@ class TableNode(Node):
     def _answer(self, publisher: Publisher, request: WrenchStamped | PoseArray, reason: str = "") -> None:
         answer = messages.answer_record(reason, self._simulation.time, messages.stamp_of(request))
         publisher.publish(String(data=json.dumps(answer)))
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
 
     def _stamp(self) -> int:
         return self._stamps.at(self._simulation.time)

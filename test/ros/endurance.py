@@ -16,7 +16,6 @@ import json
 import math
 import os
 import signal
-import struct
 import subprocess
 import sys
 import tempfile
@@ -207,6 +206,8 @@ class Client:
         self.delays: list[float] = []  # s, from a shot until it was accepted
         self.poses: list[float] = []  # s, when they came
         self.rests: list[bool] = []
+        self.simulated = 0.0  # s, until the last answer
+        self._time = 0.0  # s, simulated, of the last answer or reset
         self.listeners = 0  # tables that were ever found to listen to the cue
         self._last_poses = b""
         self._shot: tuple[int, int, float] | None = None
@@ -255,12 +256,6 @@ class Client:
         accepted, rests, _ = self._shot
         return not (self.accepted > accepted and len(self.rests) > rests and self.at_rest)
 
-    @property
-    def stamp(self) -> float:
-        """Of the last poses, s."""
-        sec, nanosec = struct.unpack_from("<iI", self._last_poses, 4)  # behind the head of the encoding
-        return sec + 1e-9 * nanosec
-
     def connect(self) -> None:
         """Wait until the table hears this client and the client hears the table."""
         wait = self._reset.service_is_ready
@@ -290,6 +285,7 @@ class Client:
         """Whether the table says that it went back to the start, and did."""
         future = self._reset.call_async(Trigger.Request())
         self.spin_until(future.done, SHOT_TIMEOUT)
+        self._time = 0.0
         return future.result().success and self.error(bs.scenes.eight_ball().positions) == 0.0
 
     def error(self, positions: NDArray[np.float64]) -> float:
@@ -312,7 +308,10 @@ class Client:
 
     def _on_answer(self, data: bytes) -> None:
         now = time.monotonic()
-        if json.loads(data[8:].rstrip(b"\0"))["accepted"]:  # behind the head of the encoding and the length
+        answer = json.loads(data[8:].rstrip(b"\0"))  # behind the head of the encoding and the length
+        self.simulated += answer["time"] - self._time
+        self._time = answer["time"]
+        if answer["accepted"]:
             self.delays.append(now - self._shot[2])
         else:
             self.refusals.append(now)
@@ -395,10 +394,10 @@ def run_hour(given: argparse.Namespace) -> dict[str, Any]:
     shots = asked = resets = 0
     with Table() as table, Client() as client:
         client.connect()
-        watch, start = Watch(table), client.stamp
+        watch = Watch(table)
         deadline = time.monotonic() + 1.5 * duration / REAL_TIME_FACTOR + SHOT_TIMEOUT
         with tqdm(total=round(duration / 60.0), desc="hour", unit="min") as progress:
-            while (simulated := client.stamp - start) < duration:
+            while (simulated := client.simulated) < duration:
                 if time.monotonic() > deadline:
                     raise TimeoutError(f"only {simulated:.0f} s were simulated")
                 client.play(random_shot(random))

@@ -21,6 +21,22 @@ def test_stamps_follow_simulated_time_to_the_nanosecond() -> None:
     assert stamps.at(1.000000001) == EPOCH + 1_000_000_001
 
 
+def test_stamps_count_from_the_time_that_has_one() -> None:
+    stamps = messages.Stamps(EPOCH, 2.5)
+    assert [stamps.at(2.5), stamps.at(2.75)] == [EPOCH, EPOCH + 250_000_000]
+
+
+def test_no_stamp_is_beyond_the_last_that_a_message_can_have() -> None:
+    assert messages.LAST_STAMP == (2**31 - 1) * 10**9 + 999_999_999  # int32 seconds
+    stamps = messages.Stamps(messages.LAST_STAMP - 5)
+    assert stamps.at(4e-9) == messages.LAST_STAMP - 1
+    assert [stamps.at(time) for time in (5e-9, 6e-9, 1e12)] == [messages.LAST_STAMP] * 3
+    states = messages.States(("cue",), 0.03, "table")
+    sent = states.at(POSITIONS[:1], POSITIONS[:1], np.zeros((1, 3)), stamps.at(1.0))
+    stamp = deserialize_message(sent, MultiDOFJointState).header.stamp
+    assert (stamp.sec, stamp.nanosec) == (2**31 - 1, 999_999_999)
+
+
 def test_stamps_do_not_go_back_over_a_reset() -> None:
     stamps = messages.Stamps(EPOCH)
     before = stamps.at(5.25)

@@ -64,6 +64,78 @@ def test_no_beat_comes_after_stop() -> None:
     Metronome(count, threading.RLock()).stop()  # nor does one that never began
 
 
+class Rehearsal:
+    """A metronome whose time is that of its own waiting."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 100.0
+        self.beats: list[float] = []
+        self.metronome = Metronome(lambda: self.beats.append(self.now), threading.RLock())
+        monkeypatch.setattr(metronome.time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(metronome.threading.Condition, "wait", lambda _, timeout: self._wait(timeout))
+        self._end = 0.0
+
+    def _wait(self, timeout: float) -> bool:
+        self.now = min(self.now + timeout, self._end)
+        return False
+
+    def play(self, until: float) -> None:
+        self._end = until
+        while self.now < until:
+            self.metronome._wait_or_beat()
+
+
+@pytest.fixture
+def rehearsal(monkeypatch: pytest.MonkeyPatch) -> Rehearsal:
+    return Rehearsal(monkeypatch)
+
+
+def test_a_rate_that_is_set_again_and_again_does_not_move_the_beat(rehearsal: Rehearsal) -> None:
+    for number in range(500):
+        rehearsal.metronome.set_rate(1.0)
+        rehearsal.play(100.0 + (number + 1) / 130.0)
+    assert rehearsal.beats == pytest.approx([101.0, 102.0, 103.0])
+
+
+def test_a_new_rate_counts_from_the_last_beat(rehearsal: Rehearsal) -> None:
+    rehearsal.metronome.set_rate(1.0)
+    rehearsal.play(101.5)
+    rehearsal.metronome.set_rate(0.5)
+    rehearsal.play(104.5)
+    assert rehearsal.beats == pytest.approx([101.0, 103.0])
+    rehearsal.metronome.set_rate(100.0)  # long due: one beat now, and none of those that might have been
+    rehearsal.play(104.525)
+    assert rehearsal.beats == pytest.approx([101.0, 103.0, 104.5, 104.51, 104.52], abs=2.0 * metronome.BREATH)
+    assert rehearsal.metronome.lost == 0.0
+
+
+def test_rates_that_alternate_leave_the_beats_between_theirs(rehearsal: Rehearsal) -> None:
+    for number in range(260):
+        rehearsal.metronome.set_rate((50.0, 100.0)[number % 2])
+        rehearsal.play(100.0 + (number + 1) / 130.0)
+    assert 100 <= len(rehearsal.beats) <= 200  # in 2 s
+
+
+def test_a_ring_is_a_beat_beside_the_others(rehearsal: Rehearsal) -> None:
+    rehearsal.metronome.set_rate(1.0)
+    rehearsal.play(100.25)
+    rehearsal.metronome.ring()
+    rehearsal.play(102.5)
+    assert rehearsal.beats == pytest.approx([100.25, 101.0, 102.0], abs=2.0 * metronome.BREATH)
+
+
+def test_a_ring_wakes_a_metronome_that_sleeps() -> None:
+    count = Counter(2)
+    one = Metronome(count, threading.RLock())
+    with beating(one):
+        for number in (1, 2):
+            one.ring()
+            deadline = time.monotonic() + TIMEOUT
+            while len(count.times) < number and time.monotonic() < deadline:
+                time.sleep(0.001)
+        assert count.reached.is_set()
+
+
 def test_a_new_rate_does_not_wait_for_the_beat_before() -> None:
     count = Counter(5)
     one = Metronome(count, threading.RLock())

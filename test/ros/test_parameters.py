@@ -208,6 +208,14 @@ def test_an_integer_becomes_a_double(table: TableNode) -> None:
     assert table.settings.update_rate == 50.0
 
 
+@pytest.mark.parametrize("values", [(50.0, 100.0), (100.0, 50.0), (50.0, 25.0, 100.0)])
+def test_of_two_values_of_one_parameter_the_last_holds(table: TableNode, values: tuple) -> None:
+    given = [rclpy.Parameter("update_rate", value=value) for value in values]
+    assert table.set_parameters_atomically(given).successful
+    assert table.get_parameter("update_rate").value == values[-1]
+    assert table.settings.update_rate == values[-1]
+
+
 REFUSED_CHANGES = [
     ({"physics__mass": -1.0}, "physics.mass out of range"),
     ({"physics__mass": 0}, "'physics.mass' must be a number > 0, <= 1e+06 (kg), got 0.0"),

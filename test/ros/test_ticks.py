@@ -38,7 +38,7 @@ def test_markers_come_at_their_own_rate(
         BallMarkers, "update", lambda _, positions, stamp, turned: drawn_at.append(stamp) or MarkerArray()
     )
     for _ in range(100):
-        table._on_tick()
+        table._on_beat()
     assert abs(len(drawn_at) - drawn) <= 1
 
 
@@ -53,7 +53,7 @@ def test_what_the_executor_calls_waits_for_a_tick(table: TableNode, monkeypatch:
 
     monkeypatch.setattr(table, "advance", advance)
     with table.lock:
-        table._on_tick()
+        table._on_beat()
     shot.join()
     assert seen == [True]
 
@@ -147,8 +147,8 @@ def test_events_that_are_dropped_are_told_in_the_log(
     monkeypatch.setattr(event_queue, "MOST_WAITING", 2)
     table._on_cue_shot(wrench_from_shot((1.0, 0.0, 0.0), (0.0, 0.0)))
     table.advance(60.0)
-    table._on_tick()
-    table._on_tick()
+    table._on_beat()
+    table._on_beat()
     assert sent == ["at_rest False", "rest", "at_rest True"]
     assert capfd.readouterr().err.count("2 events dropped: more than") == 1
 
@@ -204,12 +204,3 @@ def test_twists_of_a_ball_come_every_tick_while_it_moves_and_once_when_it_rests(
     table.advance(0.01)
     table.advance(0.01)
     assert ears.names == ["cue"] * moving  # the last with velocity 0
-
-
-def test_time_that_is_lost_is_told(table: TableNode, capfd: pytest.CaptureFixture[str]) -> None:
-    table._on_tick()
-    assert "behind the clock" not in capfd.readouterr().err
-    table.metronome.lost = 0.75
-    table._on_tick()
-    table._on_tick()
-    assert capfd.readouterr().err.count("the table's time falls 0.75 s behind the clock") == 1
