@@ -3,22 +3,16 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
-
-import pytest
 
 REPOSITORY = Path(__file__).parents[1]
 SPDX = "# SPDX-License-Identifier: Apache-2.0"
 SUFFIXES = (".py", ".yaml", ".toml", ".cfg", ".sh")
 EXTRAS = ("imageio_ffmpeg", "matplotlib", "mpmath", "mujoco", "numba", "PIL", "pymunk", "scipy", "tqdm")
 """Modules that package.xml does not ask for: `colcon test` has to go without them."""
-DOCUMENTS = sorted(
-    path.relative_to(REPOSITORY) for path in (*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md"))
-)
 
 
 def sources() -> list[Path]:
@@ -47,42 +41,6 @@ sys.exit(pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider", "test"])
         [sys.executable, "-c", collect], cwd=REPOSITORY, capture_output=True, text=True, timeout=120.0, check=False
     )
     assert done.returncode == 0, done.stdout[-3000:]
-
-
-def headings(document: Path) -> set[str]:
-    """Of a document, as links name them: lower case, hyphens for blanks, no other punctuation."""
-    lines = re.findall(r"^#+ (.*)$", document.read_text(encoding="utf-8"), re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", line.lower()).replace(" ", "-") for line in lines}
-
-
-@pytest.mark.parametrize("document", DOCUMENTS, ids=str)
-def test_links_lead_somewhere(document: Path) -> None:
-    path = REPOSITORY / document
-    links = re.findall(r"\]\(([^)\s]+)\)", path.read_text(encoding="utf-8"))
-    for link in links:
-        target, _, heading = link.partition("#")
-        found = (path.parent / target).resolve() if target else path
-        assert "://" in link or found.exists(), link
-        assert not heading or heading in headings(found), link
-
-
-def test_every_document_is_reached_from_the_readme() -> None:
-    reached, waiting = set(), [REPOSITORY / "README.md"]
-    while waiting:
-        document = waiting.pop()
-        reached.add(document.relative_to(REPOSITORY))
-        links = re.findall(r"\]\(([^)#\s]+\.md)", document.read_text(encoding="utf-8"))
-        found = {(document.parent / link).resolve() for link in links}
-        waiting += [path for path in found if path.relative_to(REPOSITORY) not in reached]
-    assert reached == set(DOCUMENTS)
-
-
-def test_documentation_tools_find_the_documents() -> None:
-    assert (REPOSITORY / "doc").resolve() == REPOSITORY / "docs"  # where rosdoc2 looks
-
-
-def test_the_readme_is_short() -> None:
-    assert len((REPOSITORY / "README.md").read_text(encoding="utf-8").splitlines()) <= 180
 
 
 def test_version_and_licence_are_the_same_everywhere() -> None:
