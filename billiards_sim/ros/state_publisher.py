@@ -58,64 +58,88 @@ class Look:
         return self._simulation.orientations if self._simulation.start_scene.track_orientation else None
 
 
+class Forms:
+    """What goes out of one scene under one set of settings: messages to be filled in, and what they need.
+
+    Raises:
+        ValueError: frames are asked for, and `tf_message_type` has none.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        scene, radius = settings.scene, settings.scene.physics.radius
+        self.scene = scene
+        self.frame = frame = settings.frame_id
+        bodies = [settings.frame_prefix + name for name in scene.names]
+        self.states = messages.States(scene.names, radius, frame)
+        self.poses = messages.Poses(len(scene), radius, frame)
+        self.twists = [messages.BallTwist(body, frame) for body in bodies]
+        # Balls that rest take turns: at one tick they would overrun a short queue.
+        self.round = max(round(TWIST_PERIOD * settings.update_rate), 1)  # ticks
+        self.turns = np.arange(len(scene)) * self.round // len(scene)
+        self.markers_a_tick = min(settings.marker_rate / settings.update_rate, 1.0)
+        self.balls = markers.BallMarkers(scene.names, radius, self.markers_a_tick * settings.update_rate, frame)
+        tf_type = tf_message_type() if settings.publish_tf else None
+        self.frames = BallFrames(tf_type, bodies, radius, frame) if settings.publish_tf else None
+        # Only a table that is told to publishes on topics that all nodes share: one time for all has one source.
+        self.shared: dict[str, tuple[Any, int]] = {}  # type and depth by topic
+        if settings.publish_clock:
+            self.shared["/clock"] = Clock, 1
+        if settings.publish_tf:
+            self.shared["/tf"] = tf_type, TF_DEPTH
+
+
 class StatePublisher:
     """Publishes states, markers, events, rest, and where asked the clock and frames; to nobody, nothing.
 
-    Before the first state comes `use`.
-
     Args:
         node: whose topics they are.
-        count: of balls at the start.
+        settings: to publish by.
+
+    Raises:
+        ValueError: as `prepare`.
     """
 
-    def __init__(self, node: Node, count: int) -> None:
+    def __init__(self, node: Node, settings: Settings) -> None:
         self._node = node
         self._states_publisher = node.create_publisher(MultiDOFJointState, "balls/states", STATE_DEPTH)
         self._poses_publisher = node.create_publisher(PoseArray, "balls/poses", STATE_DEPTH)
-        twists_depth = STATE_DEPTH * max(count, MOST_BALLS)
+        twists_depth = STATE_DEPTH * max(len(settings.scene), MOST_BALLS)
         self._twists_publisher = node.create_publisher(VelocityStamped, "balls/twists", twists_depth)
         self._markers_publisher = node.create_publisher(MarkerArray, "markers", STATE_DEPTH)
         self._table_publisher = node.create_publisher(MarkerArray, "table_markers", LATCHED)
         self._collisions_publisher = node.create_publisher(String, "collisions", EVENT_DEPTH)
         self._at_rest_publisher = node.create_publisher(Bool, "at_rest", LATCHED)
-        self._clock_publisher: Publisher | None = None
-        self._frames_publisher: Publisher | None = None
+        self._shared: dict[str, Publisher] = {}  # by topic
         self._clock = Clock()
         self._events = EventQueue()
         self._at_rest: bool | None = None
         self._ticks = 0
         self._markers_due = 0.0
+        self.use(self.prepare(settings))
 
-    def use(self, settings: Settings) -> None:
-        """Publish by these settings, and the balls of their scene, from now on.
+    def prepare(self, settings: Settings) -> Forms:
+        """Try all that may fail of publishing by these settings; `use` then makes the change.
 
         Raises:
-            ValueError: frames are asked for, and `tf_message_type` has none.
+            ValueError: as `Forms`; or a publisher cannot be made.
         """
-        scene, radius = settings.scene, settings.scene.physics.radius
-        self._scene = scene
-        self._frame = settings.frame_id
-        bodies = [settings.frame_prefix + name for name in scene.names]
-        self._states = messages.States(scene.names, radius, self._frame)
-        self._poses = messages.Poses(len(scene), radius, self._frame)
-        self._twists = [messages.BallTwist(body, self._frame) for body in bodies]
-        self._twists_due = np.ones(len(scene), dtype=bool)
-        # Balls that rest take turns: at one tick they would overrun a short queue.
-        self._round = max(round(TWIST_PERIOD * settings.update_rate), 1)  # ticks
-        self._turns = np.arange(len(scene)) * self._round // len(scene)
-        self._markers_a_tick = min(settings.marker_rate / settings.update_rate, 1.0)
-        marker_rate = self._markers_a_tick * settings.update_rate
-        self._balls = markers.BallMarkers(scene.names, radius, marker_rate, self._frame)
-        tf_type = tf_message_type() if settings.publish_tf else None
-        self._frames = BallFrames(tf_type, bodies, radius, self._frame) if settings.publish_tf else None
-        # Only a table that is told to publishes on topics that all nodes share: one time for all has one source.
-        self._clock_publisher = self._switched(self._clock_publisher, settings.publish_clock, Clock, "/clock", 1)
-        self._frames_publisher = self._switched(self._frames_publisher, settings.publish_tf, tf_type, "/tf", TF_DEPTH)
+        forms = Forms(settings)
+        for topic, (kind, depth) in forms.shared.items():
+            if topic not in self._shared:
+                self._shared[topic] = self._node.create_publisher(kind, topic, depth)
+        return forms
+
+    def use(self, forms: Forms) -> None:
+        """Publish by these forms, and the balls of their scene, from now on."""
+        self._forms = forms
+        self._twists_due = np.ones(len(forms.scene), dtype=bool)
+        for topic in self._shared.keys() - forms.shared.keys():
+            self._node.destroy_publisher(self._shared.pop(topic))
 
     def table(self, stamp: int) -> None:
         """The cloth and the rails, once for all; stamps are in ns here and below."""
-        radius = self._scene.physics.radius
-        self._table_publisher.publish(markers.table_markers(self._scene.table, radius, stamp, self._frame))
+        radius = self._forms.scene.physics.radius
+        self._table_publisher.publish(markers.table_markers(self._forms.scene.table, radius, stamp, self._forms.frame))
 
     def erase(self) -> None:
         """Take all markers away: the next scene may have fewer."""
@@ -124,17 +148,17 @@ class StatePublisher:
 
     def jump(self) -> None:
         """The balls are not where they were before."""
-        self._twists_due = np.ones(len(self._scene), dtype=bool)
-        self._balls.restart()
+        self._twists_due = np.ones(len(self._forms.scene), dtype=bool)
+        self._forms.balls.restart()
 
     def events(self, events: Sequence[Event], stamps: Stamps) -> None:
         """What happened: it goes out with this state and, where it is much, the next ones."""
         if len(events) == 0:
             return
         if _heard(self._markers_publisher):
-            self._balls.flash(markers.contact_points(events))
+            self._forms.balls.flash(markers.contact_points(events))
         if _heard(self._collisions_publisher):
-            self._events.add(events, stamps, self._scene.physics.radius)
+            self._events.add(events, stamps, self._forms.scene.physics.radius)
 
     @property
     def dropped_events(self) -> int:
@@ -144,19 +168,19 @@ class StatePublisher:
     def state(self, simulation: Simulation, stamp: int) -> None:
         """Where the balls are and how they move."""
         self._publish_events()
-        if self._clock_publisher is not None:
+        if "/clock" in self._forms.shared:
             messages.set_stamp(self._clock.clock, stamp)
-            self._clock_publisher.publish(self._clock)
+            self._shared["/clock"].publish(self._clock)
         look = Look(simulation)
         if _heard(self._states_publisher):
-            message = self._states.at(look.positions, look.velocities, look.spins, stamp, look.orientations)
+            message = self._forms.states.at(look.positions, look.velocities, look.spins, stamp, look.orientations)
             self._states_publisher.publish(message)
         if _heard(self._poses_publisher):
-            self._poses_publisher.publish(self._poses.at(look.positions, stamp, look.orientations))
-        frames, publisher = self._frames, self._frames_publisher
-        if frames is not None and publisher is not None and _heard(publisher):
+            self._poses_publisher.publish(self._forms.poses.at(look.positions, stamp, look.orientations))
+        frames = self._forms.frames
+        if frames is not None and _heard(self._shared["/tf"]):
             positions, orientations = _floats(look)
-            publisher.publish(frames.at(positions, stamp, orientations))
+            self._shared["/tf"].publish(frames.at(positions, stamp, orientations))
         if _heard(self._twists_publisher):
             self._publish_twists(simulation.at_rest, look, stamp)
         self.at_rest(simulation)
@@ -169,15 +193,15 @@ class StatePublisher:
 
     def draw(self, simulation: Simulation, stamp: int) -> None:
         """Markers, if they are due at this tick."""
-        self._markers_due += self._markers_a_tick
+        self._markers_due += self._forms.markers_a_tick
         if self._markers_due < 1.0:
             return
         self._markers_due -= 1.0
         if _heard(self._markers_publisher):
             positions, orientations = _floats(Look(simulation))
-            self._markers_publisher.publish(self._balls.update(positions, stamp, orientations))
+            self._markers_publisher.publish(self._forms.balls.update(positions, stamp, orientations))
         else:
-            self._balls.restart()
+            self._forms.balls.restart()
 
     def at_rest(self, simulation: Simulation) -> None:
         """Whether all balls rest, where that is new. It comes after the events of the way there."""
@@ -192,23 +216,15 @@ class StatePublisher:
 
     def _publish_twists(self, at_rest: bool, look: Look, stamp: int) -> None:
         # Every tick of a ball that moves, once when it has come to rest, and then when it is its turn.
-        due = self._twists_due | (self._turns == self._ticks % self._round)
+        due = self._twists_due | (self._forms.turns == self._ticks % self._forms.round)
         if at_rest and not due.any():
             return
         motion = np.concatenate((look.velocities, look.spins[:, :2]), axis=1)
         moving = np.abs(motion).max(axis=1) > 0.0
         for index in np.flatnonzero(due | moving).tolist():
-            message = self._twists[index].at(look.velocities[index], look.spins[index], stamp)
+            message = self._forms.twists[index].at(look.velocities[index], look.spins[index], stamp)
             self._twists_publisher.publish(message)
         self._twists_due = moving
-
-    def _switched(self, publisher: Publisher | None, on: bool, kind: Any, topic: str, depth: int) -> Publisher | None:
-        if on and publisher is None:
-            return self._node.create_publisher(kind, topic, depth)
-        if not on and publisher is not None:
-            self._node.destroy_publisher(publisher)
-            return None
-        return publisher
 
 
 def _heard(publisher: Publisher) -> bool:

@@ -55,7 +55,7 @@ from billiards_sim.ros.process import (
     stoppable,
 )
 from billiards_sim.ros.qos import ANSWER_DEPTH, STATE_DEPTH
-from billiards_sim.ros.state_publisher import StatePublisher
+from billiards_sim.ros.state_publisher import Forms, StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
 
@@ -82,10 +82,12 @@ class Change:
     Attributes:
         settings: for what is on the table.
         after_reset: from the next reset on.
+        forms: for what goes out, by `settings`.
     """
 
     settings: parameters.Settings
     after_reset: parameters.Settings
+    forms: Forms
 
 
 def between_ticks(method: Method) -> Method:
@@ -131,7 +133,7 @@ class TableNode(Node):
         self._followed = FollowedClock()
         self._dropped_events = 0  # of `_publisher.dropped_events`, likewise
 
-        self._publisher = StatePublisher(self, len(self._scene))
+        self._publisher = StatePublisher(self, self._settings)
         self._shot_result_publisher = self.create_publisher(String, "shot_result", ANSWER_DEPTH)
         self._preview_publisher = self.create_publisher(MarkerArray, "preview", STATE_DEPTH)
         self._preview_result_publisher = self.create_publisher(String, "preview/result", ANSWER_DEPTH)
@@ -171,7 +173,7 @@ class TableNode(Node):
         """Put the scene on the table, start the clock, take shots."""
         self._simulation = Simulation(self._scene)
         self._stamps = messages.Stamps(self._now())
-        self._apply_settings()
+        self.metronome.set_rate(self._settings.update_rate)
         self._publisher.table(self._stamp())
         self._publisher.at_rest(self._simulation)
         threshold = JumpThreshold(
@@ -208,12 +210,15 @@ class TableNode(Node):
         self._publisher.state(self._simulation, self._stamp())
 
     def reset(self) -> str:
-        """Back to the start of the scene, or to a new one; returns what is now on the table."""
+        """Back to the start of the scene, or to a new one; returns what is now on the table.
+
+        Raises:
+            ValueError: the new scene cannot be put on the table. Nothing changes then.
+        """
         # Of a shot that no tick has followed yet:
         self._publisher.events(self._simulation.advance(0.0), self._stamps)
         if self._after_reset is not self._settings:
-            self._settings = self._after_reset
-            self._adopt_scene()
+            self._adopt_scene(self._after_reset)
         self._restart()
         self._publisher.at_rest(self._simulation)
         return f"{len(self._scene)} balls back at the start of scene {self._settings.scene_name}"
@@ -255,7 +260,8 @@ class TableNode(Node):
         elapsed = self._followed.tick(now)
         if elapsed is not None and elapsed < 0:
             back, to = -elapsed / messages.NANOSECONDS, now / messages.NANOSECONDS
-            self.get_logger().warning(f"the clock went back by {back:.9g} s, to {to:.9g} s: {self.reset()}")
+            _, what = self._try_reset()
+            self.get_logger().warning(f"the clock went back by {back:.9g} s, to {to:.9g} s: {what}")
             elapsed = None
         if elapsed is None:
             self._stamps = messages.Stamps(now, self._simulation.time)
@@ -357,27 +363,41 @@ class TableNode(Node):
 
     @between_ticks
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
-        response.message = self.reset()
-        self.get_logger().info(f"reset: {response.message}")
+        response.success, response.message = self._try_reset()
+        if response.success:
+            self.get_logger().info(f"reset: {response.message}")
         return response
+
+    def _try_reset(self) -> tuple[bool, str]:
+        try:
+            return True, self.reset()
+        except ValueError as error:
+            self._log_refusal("reset", error)
+            return False, _reason(error)
 
     def _restart(self) -> None:
         self._stamps = self._stamps.restarted(self._simulation.time)
         self._simulation = Simulation(self._scene)
         self._publisher.jump()
 
-    def _adopt_scene(self) -> None:
-        # The new scene may have other balls, and brings a table and physics of its own.
+    def _adopt_scene(self, settings: parameters.Settings) -> None:
+        # The new scene may have other balls, and brings a table and physics of its own. First what may fail:
+        Simulation(settings.scene)
+        forms = self._publisher.prepare(settings)
+        self._show(settings)
         self._publisher.erase()
         self._preview_publisher.publish(markers.erasing())
-        self._publisher.use(self._settings)
+        self._settings = settings
+        self._publisher.use(forms)
         self._publisher.table(self._stamp())
-        values = self._settings.values().items()
+
+    def _show(self, settings: parameters.Settings) -> None:
+        values = settings.values().items()
         changed = [Parameter(name, value=value) for name, value in values if value != self.get_parameter(name).value]
         with self._adopting_parameters():
-            if changed:
-                self.set_parameters_atomically(changed)
+            result = self.set_parameters_atomically(changed)
+        if not result.successful:
+            raise ValueError(result.reason)
 
     @contextmanager
     def _adopting_parameters(self) -> Iterator[None]:
@@ -403,15 +423,13 @@ class TableNode(Node):
 
     def _prepare(self, changes: Mapping[str, Any]) -> Change:
         parameters.check_changeable(self._settings, changes)
-        if changes.get("publish_tf"):
-            tf_message_type()
         self._check_at_rest(f"a change of {', '.join(changes)}")
         now = {name: value for name, value in changes.items() if name != "scene"}
         settings = parameters.change_settings(self._settings, now) if now else self._settings
         same = "scene" not in changes and self._after_reset is self._settings
         after_reset = settings if same else parameters.change_settings(self._after_reset, changes)
         self._relaid(settings.scene)  # only to see that it can be: time goes on until the change comes into force
-        return Change(settings, after_reset)
+        return Change(settings, after_reset, self._publisher.prepare(settings))
 
     def _relaid(self, scene: Scene) -> Simulation:
         # The balls where they lie, under the new physics.
@@ -436,13 +454,10 @@ class TableNode(Node):
         self._simulation = self._relaid(change.settings.scene)
         moved = change.settings.frame_id != self._settings.frame_id
         self._settings, self._after_reset = change.settings, change.after_reset
-        self._apply_settings()
+        self.metronome.set_rate(self._settings.update_rate)
+        self._publisher.use(change.forms)
         if moved:
             self._publisher.table(self._stamp())
-
-    def _apply_settings(self) -> None:
-        self.metronome.set_rate(self._settings.update_rate)
-        self._publisher.use(self._settings)
 
     def _leave_out_what_is_not_installed(self) -> None:
         if self._settings.publish_tf:

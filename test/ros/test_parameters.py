@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import rclpy
 import yaml
+from std_srvs.srv import Trigger
 
 import billiards_sim as bs
 from billiards_sim.engine.quantity import quantities
-from billiards_sim.ros import parameters
+from billiards_sim.ros import parameters, table_node
 from billiards_sim.ros.table_node import TableNode
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -289,6 +290,44 @@ def test_a_scene_that_waits_keeps_what_is_set_meanwhile(table: TableNode, tmp_pa
     table.reset()
     assert (table.settings.scene.physics.mass, table.settings.marker_rate) == (0.2, 0.0)
     assert len(table.simulation.positions) == 2
+
+
+def test_a_new_scene_that_cannot_be_put_on_the_table_changes_nothing(
+    table: TableNode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table.set_parameters([rclpy.Parameter("scene", value=scene_file(tmp_path))])
+    before, settings, shown = table.simulation, table.settings, table.get_parameters(list(table.settings.values()))
+
+    def new_simulation(scene: bs.Scene) -> bs.Simulation:
+        if len(scene) == 2:
+            raise ValueError("too little memory")
+        return bs.Simulation(scene)
+
+    monkeypatch.setattr(table_node, "Simulation", new_simulation)
+    response = table._on_reset(Trigger.Request(), Trigger.Response())
+    assert (response.success, response.message) == (False, "too little memory")
+    assert table.simulation is before
+    assert table.settings is settings
+    assert [one.value for one in table.get_parameters(list(settings.values()))] == [
+        str(tmp_path / "two.yaml") if one.name == "scene" else one.value for one in shown
+    ]
+    monkeypatch.undo()
+    assert table._on_reset(Trigger.Request(), Trigger.Response()).success
+    assert len(table.simulation.positions) == 2
+    assert table.get_parameter("physics.mass").value == 0.17
+
+
+def test_a_publisher_that_cannot_be_made_is_a_refused_change(make_node: Callable[..., TableNode]) -> None:
+    node = make_node("qos_overrides./clock.publisher.depth:=-1")
+    node.start()
+    given = [rclpy.Parameter("update_rate", value=50.0), rclpy.Parameter("publish_clock", value=True)]
+    result = node.set_parameters_atomically(given)
+    assert result.successful is False
+    assert "depth must be from 0" in result.reason
+    assert (node.get_parameter("publish_clock").value, node.settings.publish_clock) == (False, False)
+    assert (node.get_parameter("update_rate").value, node.settings.update_rate) == (100.0, 100.0)
+    node.advance(0.01)
+    assert node.count_publishers("/clock") == 0
 
 
 def test_an_edited_scene_file_is_read_again_when_it_is_named_again(table: TableNode, tmp_path: Path) -> None:

@@ -193,7 +193,7 @@ def test_twists_of_a_ball_come_every_tick_while_it_moves_and_once_when_it_rests(
 ) -> None:
     ears = Ears()
     monkeypatch.setattr(table._publisher, "_twists_publisher", ears)
-    monkeypatch.setattr(table._publisher, "_turns", np.full(16, -1))  # nobody's turn
+    monkeypatch.setattr(table._publisher._forms, "turns", np.full(16, -1))  # nobody's turn
     table.advance(0.01)
     ears.names.clear()
     table.simulation.strike((1.0, 0.0, 0.0))
