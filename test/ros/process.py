@@ -7,6 +7,7 @@ import selectors
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -115,6 +116,7 @@ class Client:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self.poses: list[PoseArray] = []
+        self._sent_poses: deque[tuple[PoseArray, int]] = deque(maxlen=DEPTH)  # and when, ns of the wall clock
         self.states: list[MultiDOFJointState] = []
         self.twists: list[VelocityStamped] = []
         self.markers: list[MarkerArray] = []
@@ -137,7 +139,7 @@ class Client:
         self._subscribe(MarkerArray, "markers", self.markers.append)
         self._subscribe(MarkerArray, "table_markers", self.table_markers.append, LATCHED)
         self._subscribe(Bool, "at_rest", lambda message: self.at_rest.append(message.data), LATCHED)
-        self._subscribe(PoseArray, "balls/poses", self.poses.append)
+        self._subscribe(PoseArray, "balls/poses", self._on_poses)
         self.cue = self.node.create_publisher(WrenchStamped, "cue_shot", 10)
         self.asker = self.node.create_publisher(WrenchStamped, "cue_shot/preview", 1000)
         self.placer = self.node.create_publisher(PoseArray, "place_balls", 10)
@@ -216,15 +218,22 @@ class Client:
         assert all(one.successful for one in self.node.set_parameters(_parameters(values)))
 
     def fresh_poses(self, count: int = 1) -> list[PoseArray]:
-        """The next poses to arrive of which the first is sure to be sent after this call: on a topic they keep their
-        order, so one that was on its way is skipped."""
-        before = len(self.poses)
-        self.spin_until(lambda: len(self.poses) > before + count)
-        return self.poses[before + 1 : before + 1 + count]
+        """The first poses that are sent after this call; those that were on their way are skipped."""
+        start = time.time_ns()
+
+        def found() -> list[PoseArray]:
+            return [message for message, sent in self._sent_poses if sent > start]
+
+        self.spin_until(lambda: len(found()) >= count)
+        return found()[:count]
 
     def stamps(self, count: int) -> list[int]:
         """Of the next poses, ns."""
         return [stamp_ns(message.header.stamp) for message in self.fresh_poses(count)]
+
+    def _on_poses(self, message: PoseArray, about: Mapping[str, int]) -> None:
+        self.poses.append(message)
+        self._sent_poses.append((message, about["source_timestamp"]))
 
     def _result(self, future: rclpy.Future) -> Any:
         self.spin_until(future.done)
