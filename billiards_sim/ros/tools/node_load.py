@@ -3,7 +3,7 @@
 
 A table of 16 balls in one process; the topics that are asked for subscribed in another, this one. Measured with the
 balls at rest, when twists are quiet, and moving, when every tick carries 16 of them: without rolling friction a break
-off centre keeps every ball moving for minutes.
+off centre keeps every ball moving for minutes. Or in breaks one after the other, each from before the shot until rest.
 """
 
 from __future__ import annotations
@@ -20,16 +20,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseArray, VelocityStamped
+from geometry_msgs.msg import PoseArray, VelocityStamped, WrenchStamped
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import Parser, positive_seconds
 from billiards_sim.ros.process import Child, Stopped, isolate, ros, stoppable
 from billiards_sim.ros.qos import LATCHED
+from billiards_sim.ros.wrench import wrench_from_shot
 
 TOPICS = {
     "states": ("balls/states", MultiDOFJointState),
@@ -45,6 +47,12 @@ EVERY_TICK = ("states", "poses")
 
 BALLS = 16
 SHOT = ("128", "10")  # N, off centre: it sets every ball in motion
+
+BREAK = 128.0
+"""N along x: 8 m/s."""
+
+WIDEST_AIM = 3.0
+"""N along y, with `BREAK`: 1.3 degrees to either side."""
 
 DEPTH = 1000
 """Messages kept for this process when it falls behind: a tick has 16 twists."""
@@ -71,13 +79,41 @@ class Listener(Node):
         self.arrivals: list[float] = []
         self.counts: Counter[str] = Counter()
         self.at_rest: bool | None = None
-        topics = tuple(topics)
-        ticks = next((name for name in EVERY_TICK if name in topics), None)
-        for name in topics:
+        self._topics = tuple(topics)
+        self._executor = EventsExecutor()  # the default one is late where 16 000 twists a second arrive
+        self._executor.add_node(self)
+        ticks = next((name for name in EVERY_TICK if name in self._topics), None)
+        for name in self._topics:
             topic, kind = TOPICS[name]
             callback = self._on_tick if name == ticks else partial(self._count, name)
             self.create_subscription(kind, topic, callback, DEPTH, raw=True)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
+        self.cue = self.create_publisher(WrenchStamped, "cue_shot", 1)
+        self.reset = self.create_client(Trigger, "table/reset")
+
+    def wait(self, done: Callable[[], bool]) -> None:
+        """Take what comes until something is so.
+
+        Raises:
+            TimeoutError: it is not within `START_TIMEOUT`.
+        """
+        deadline = time.monotonic() + START_TIMEOUT
+        while not done():
+            if time.monotonic() > deadline:
+                raise TimeoutError("the table did not answer")
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def pass_time(self, seconds: float) -> None:
+        """Take what comes for so long."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def hears_all(self) -> bool:
+        """Whether the table and this node have found each other on every topic that is measured or used."""
+        ticks = self.arrivals or not any(name in self._topics for name in EVERY_TICK)
+        twists = self.counts["twists"] >= BALLS or "twists" not in self._topics
+        return bool(ticks and twists and self.cue.get_subscription_count() > 0 and self.reset.service_is_ready())
 
     def _on_tick(self, _: bytes) -> None:
         self.arrivals.append(time.monotonic())
@@ -113,21 +149,19 @@ def evenness(arrivals: Sequence[float], rate: float) -> dict[str, float | None]:
     return {"mean_rate": float(1.0 / spacing.mean()), **{name: float(value) for name, value in zip(names, figures)}}
 
 
-def measure(listener: Listener, spin: Callable[[], None], pid: int, rate: float, duration: float) -> dict[str, Any]:
+def measure(listener: Listener, pid: int, rate: float, play: Callable[[], None]) -> dict[str, Any]:
     """Rates (Hz), tick spacing (s), and load of the table and of this process (shares of one core).
 
     Args:
         listener: to what is measured.
-        spin: takes what has come for the listener.
         pid: of the table.
         rate: that the table was asked for, Hz.
-        duration: of the measurement, s.
+        play: lets the time pass that is measured, and takes what comes for the listener.
     """
     listener.arrivals.clear()
     listener.counts.clear()
     began, load, own_load = time.monotonic(), processor_time(pid), time.process_time()
-    while time.monotonic() - began < duration:
-        spin()
+    play()
     elapsed, load, own_load = time.monotonic() - began, processor_time(pid) - load, time.process_time() - own_load
     return {
         **evenness(listener.arrivals, rate),
@@ -150,7 +184,7 @@ def topic_names(text: str) -> tuple[str, ...]:
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print one line of JSON for each of the two states."""
+    """Measure and print one line of JSON for each of the two states, or for each break."""
     parser = Parser(prog="node_load", description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("--duration", type=positive_seconds, default=20.0, metavar="S", help="of each part, s (20)")
     parser.add_argument("--rate", type=positive_seconds, default=100.0, metavar="HZ", help="update_rate (100)")
@@ -161,9 +195,12 @@ def main(arguments: list[str]) -> int:
         metavar="T,T",
         help=f"to subscribe: all, none or some of {','.join(TOPICS)} (%(default)s)",
     )
+    parser.add_argument("--breaks", type=int, default=0, metavar="N", help="measure N breaks instead")
     options = parser.parse_args(arguments)
     isolate(os.environ)
-    given = ("scene:=eight_ball", f"update_rate:={options.rate}", "physics.rolling_friction:=0.0")
+    given = ["scene:=eight_ball", f"update_rate:={options.rate}"]
+    if not options.breaks:
+        given.append("physics.rolling_friction:=0.0")
     table_arguments = [part for parameter in given for part in ("-p", parameter)]
     try:
         _measure(options, table_arguments)
@@ -175,38 +212,33 @@ def main(arguments: list[str]) -> int:
 def _measure(options: argparse.Namespace, table_arguments: Sequence[str]) -> None:
     with ros("node_load", []), stoppable(), Child("table", "--ros-args", *table_arguments) as table:
         listener = Listener(options.topics)
-        executor = EventsExecutor()  # the default one is late where 16 000 twists a second arrive
-        executor.add_node(listener)
+        listener.wait(lambda: listener.at_rest is True and listener.hears_all())
+        listener.pass_time(SETTLING)
 
-        def spin() -> None:
-            executor.spin_once(timeout_sec=0.1)
-
-        def wait(done: Callable[[], bool]) -> None:
-            deadline = time.monotonic() + START_TIMEOUT
-            while not done():
-                if time.monotonic() > deadline:
-                    raise TimeoutError("the table did not answer")
-                spin()
-
-        def settle() -> None:
-            settled = time.monotonic() + SETTLING
-            wait(lambda: time.monotonic() > settled)
-
-        def report(balls: str) -> None:
-            figures = measure(listener, spin, table.pid, options.rate, options.duration)
+        def report(balls: str, play: Callable[[], None]) -> None:
+            figures = measure(listener, table.pid, options.rate, play)
             print(json.dumps({"balls": balls, "topics": options.topics, **figures}), flush=True)
 
-        def heard() -> bool:
-            ticks = not any(name in options.topics for name in EVERY_TICK) or bool(listener.arrivals)
-            return ticks and ("twists" not in options.topics or listener.counts["twists"] >= BALLS)
-
-        wait(lambda: listener.at_rest is True and heard())
-        settle()
-        report("at rest")
+        if options.breaks:
+            aims = np.random.default_rng(1).uniform(-WIDEST_AIM, WIDEST_AIM, options.breaks)
+            for aim in aims.tolist():
+                report("break", partial(_break, listener, aim))
+                listener.wait(listener.reset.call_async(Trigger.Request()).done)
+                listener.wait(lambda: listener.at_rest is True)
+            return
+        report("at rest", partial(listener.pass_time, options.duration))
         with Child("shoot", "--force", *SHOT) as shoot:
-            wait(lambda: shoot.exit_code is not None and listener.at_rest is False)
-        settle()
-        report("moving")
+            listener.wait(lambda: shoot.exit_code is not None and listener.at_rest is False)
+        listener.pass_time(SETTLING)
+        report("moving", partial(listener.pass_time, options.duration))
+
+
+def _break(listener: Listener, aim: float) -> None:
+    listener.pass_time(SETTLING)
+    listener.cue.publish(wrench_from_shot((BREAK, aim, 0.0), (0.0, 0.0)))
+    listener.wait(lambda: listener.at_rest is False)
+    listener.wait(lambda: listener.at_rest is True)
+    listener.pass_time(SETTLING)
 
 
 if __name__ == "__main__":
