@@ -251,9 +251,7 @@ def table_markers(table: Table, radius: float, stamp: int, frame: str) -> Marker
     return message
 
 
-def preview_markers(
-    preview: Preview | None, names: Sequence[str], radius: float, stamp: int, frame: str
-) -> MarkerArray:
+def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerArray:
     """What a shot would do, in place of the preview before.
 
     For each ball that moves (id = its place in the scene) a line, and the ball, translucent, where it ends; the points
@@ -262,7 +260,8 @@ def preview_markers(
     message = erasing()
     if preview is None:
         return message
-    for index, (name, path) in enumerate(zip(names, preview.paths)):
+    radius = preview.scene.physics.radius
+    for index, (name, path) in enumerate(zip(preview.scene.names, preview.paths)):
         if len(path) < 2:
             continue  # a translucent ball where the ball itself lies would only tint it
         line = _marker("preview_paths", index, Marker.LINE_STRIP, _line_colour(name))

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import json
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.record import Run
-from billiards_sim.engine.scene import Shot
+from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.engine.trajectory import Recorder
 from billiards_sim.ros.messages import Stamps, answer_record, collision_record
@@ -24,7 +26,11 @@ HORIZON = 60.0
 """s of simulated time after which a preview ends, for tables whose balls hardly come to rest."""
 
 MOST_EVENTS = 1000
-"""Events after which a preview ends with the slice; a break has some 200."""
+"""Events after which a preview ends; a break has some 200."""
+
+MOST_WORK = 5.0
+"""s of work after which a preview ends, for balls that take ages to do what is not even an event. A break takes 3 ms,
+0.3 s where the engine is interpreted."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +38,16 @@ class Preview:
     """A shot played out.
 
     Attributes:
+        scene: of the balls.
         start: simulated time of the shot, s.
         end: time of the last state, s.
-        complete: whether every ball rests at the end; else the preview ran into `HORIZON` or `MOST_EVENTS`.
+        complete: whether every ball rests at the end; else it ran into `HORIZON`, `MOST_EVENTS` or `MOST_WORK`.
         events: in order.
         paths: of each ball the points (t, x, y), simulated s and m, that its centre passes, in order, as `Run.path`
             has them; the struck ball's begin where it lay before the cue pushed it. A single one for a ball that stays.
     """
 
+    scene: Scene
     start: float
     end: float
     complete: bool
@@ -52,6 +60,58 @@ class Preview:
         return [(x, y) for _, x, y in (path[-1] for path in self.paths)]
 
 
+class Prediction:
+    """A shot that is being played out on a copy of a resting table, piece by piece.
+
+    Raises:
+        ValueError: as `Simulation.strike`.
+    """
+
+    def __init__(self, simulation: Simulation, shot: Shot) -> None:
+        self._twin = simulation.copy()
+        self._start = self._twin.time
+        self._lay = [(self._start, x, y) for x, y in self._twin.positions.tolist()]
+        self._twin.strike(shot.force, shot.offset, shot.ball)
+        self._recorder = Recorder(len(self._lay))
+        self._log = self._twin.run(self._start, self._recorder)
+        self._work = 0.0  # s
+
+    @property
+    def _ended(self) -> bool:
+        return (
+            self._twin.at_rest
+            or self._twin.time >= self._start + HORIZON
+            or len(self._log) >= MOST_EVENTS
+            or self._work >= MOST_WORK
+        )
+
+    def go_on(self, budget: float = math.inf) -> Preview | None:
+        """Play on for some s of the wall clock; returns the preview once it is there.
+
+        Raises:
+            StallError: as `Simulation.run`.
+        """
+        before, began = self._work, time.monotonic()
+        while not self._ended and self._work - before < budget:
+            elapsed = self._twin.time - self._start
+            until = self._start + min(elapsed + max(SLICE, GROWTH * elapsed), HORIZON)
+            self._log += self._twin.run(max(until, self._twin.time), self._recorder)
+            self._work = before + time.monotonic() - began
+        return self._preview() if self._ended else None
+
+    def _preview(self) -> Preview:
+        scene = self._twin.start_scene
+        events = list(self._log[:MOST_EVENTS])
+        complete = self._twin.at_rest and len(events) == len(self._log)
+        cut = len(events) < len(self._log)
+        end = events[-1].time if complete or cut else self._twin.time
+        run = Run(scene, self._recorder, events, self._start, end)
+        paths = [[tuple(point) for point in run.path(ball).tolist()] for ball in scene.names]
+        return Preview(
+            scene, self._start, end, complete, events, [_from(lay, path) for lay, path in zip(self._lay, paths)]
+        )
+
+
 def predict(simulation: Simulation, shot: Shot) -> Preview:
     """Play a shot on a copy of a resting table; the simulation itself does not change.
 
@@ -59,32 +119,19 @@ def predict(simulation: Simulation, shot: Shot) -> Preview:
         ValueError: as `Simulation.strike`.
         StallError: as `Simulation.run`.
     """
-    twin = simulation.copy()
-    start = twin.time
-    lay = [(start, x, y) for x, y in twin.positions.tolist()]
-    twin.strike(shot.force, shot.offset, shot.ball)
-    recorder = Recorder(len(lay))
-    log = twin.run(start, recorder)
-    while not twin.at_rest and twin.time < start + HORIZON and len(log) < MOST_EVENTS:
-        log += twin.run(min(twin.time + max(SLICE, GROWTH * (twin.time - start)), start + HORIZON), recorder)
-    events = list(log)
-    end = events[-1].time if twin.at_rest else twin.time
-    run = Run(twin.start_scene, recorder, events, start, end)
-    paths = [[tuple(point) for point in run.path(ball).tolist()] for ball in run.scene.names]
-    return Preview(start, end, twin.at_rest, events, [_from(point, path) for point, path in zip(lay, paths)])
+    preview = Prediction(simulation, shot).go_on()
+    assert preview is not None
+    return preview
 
 
-def preview_json(
-    preview: Preview, names: Sequence[str], radius: float, stamps: Stamps, request: tuple[int, int]
-) -> str:
+def preview_json(preview: Preview, stamps: Stamps, request: tuple[int, int]) -> str:
     """A preview as JSON for `preview/result`.
 
     Args:
-        names: of the balls.
-        radius: of the balls, m.
         stamps: of simulated times.
         request: (sec, nanosec), the stamp of the message that asked.
     """
+    names, radius = preview.scene.names, preview.scene.physics.radius
     answer = answer_record("", preview.start, request)
     answer["complete"] = preview.complete
     answer["duration"] = preview.end - preview.start

@@ -6,12 +6,10 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import gc
-import json
 import os
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -33,19 +31,19 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
-from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import USAGE_ERROR, Parser
 from billiards_sim.engine import scenes
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
-from billiards_sim.ros import markers, messages, parameters, qos
+from billiards_sim.ros import messages, parameters, qos
+from billiards_sim.ros.answers import answer, check_at_rest, one_line
 from billiards_sim.ros.event_queue import MOST_WAITING
 from billiards_sim.ros.followed_clock import FollowedClock
 from billiards_sim.ros.inbox import Inbox
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
-from billiards_sim.ros.preview import Preview, predict, preview_json
+from billiards_sim.ros.previews import Previews
 from billiards_sim.ros.process import (
     StartError,
     Stopped,
@@ -54,7 +52,7 @@ from billiards_sim.ros.process import (
     ros,
     stoppable,
 )
-from billiards_sim.ros.qos import ANSWER_DEPTH, STATE_DEPTH
+from billiards_sim.ros.qos import ANSWER_DEPTH
 from billiards_sim.ros.state_publisher import Forms, StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
 from billiards_sim.ros.wrench import shot_from_wrench
@@ -65,12 +63,6 @@ commonly allow for (`transform_tolerance`)."""
 
 LOG_PERIOD = 1.0
 """s between two warnings of one kind in the log; every refusal is answered on its topic."""
-
-LONGEST_REASON = 500
-"""Characters of the reason of a refusal."""
-
-MOST_PREVIEWS = 100
-"""That wait for their tick; more are refused."""
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -125,7 +117,6 @@ class TableNode(Node):
         self.lock = threading.RLock()  # a reset to a new scene sets parameters, whose callbacks take it again
         self.metronome = Metronome(self._on_beat, self.lock)
         self._paused = False
-        self._previews: deque[WrenchStamped] = deque()
         self._next_logs: dict[str, float] = {}  # s, of the steady clock, by what is told
         self._lost_before = 0.0  # s, `metronome.lost` at the last tick
         self._lost_time = 0.0  # s that stamps are behind the clock, and that the log has not told of
@@ -135,8 +126,7 @@ class TableNode(Node):
 
         self._publisher = StatePublisher(self, self._settings)
         self._shot_result_publisher = self.create_publisher(String, "shot_result", ANSWER_DEPTH)
-        self._preview_publisher = self.create_publisher(MarkerArray, "preview", STATE_DEPTH)
-        self._preview_result_publisher = self.create_publisher(String, "preview/result", ANSWER_DEPTH)
+        self._previews = Previews(self)
         self._placement_result_publisher = self.create_publisher(String, "placement_result", ANSWER_DEPTH)
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
@@ -248,7 +238,7 @@ class TableNode(Node):
 
     def _on_beat(self) -> None:
         if not self._follows_clock:
-            self._log_lost_time()
+            self._count_lost_beats()
             self._on_tick(self._tick_time)
         elif self._followed.due(now := self._now(), self._period):
             self._tick_by_clock(now)
@@ -270,13 +260,13 @@ class TableNode(Node):
     def _on_tick(self, duration: float) -> None:
         self.advance(0.0 if self._paused else duration)
         self._publisher.draw(self._simulation, self._stamp())
+        self._log_lost_time()
         self._log_end_of_stamps()
         self._log_dropped_events()
 
     def _after_beat(self) -> None:
-        # One a tick and after its messages, so that previews delay no tick by more than one of them takes.
-        if self._previews:
-            self._preview(self._previews.popleft())
+        # After its messages, and no more than a piece, so that previews delay no tick by more than that.
+        self._previews.go_on(self._simulation, self._stamps, self._settings.frame_id)
 
     @between_ticks
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -300,66 +290,44 @@ class TableNode(Node):
     def _on_cue_shot(self, message: WrenchStamped) -> None:
         try:
             shot = shot_from_wrench(message, self._settings.frame_id)
-            self._check_at_rest("a shot")
+            check_at_rest(self._simulation, "a shot")
             self._simulation.strike(shot.force, shot.offset, shot.ball)
         except ValueError as error:
             self._log_refusal("shot", error)
-            self._answer(self._shot_result_publisher, message, _reason(error))
+            answer(self._shot_result_publisher, message, self._simulation.time, one_line(error))
             return
         self.get_logger().info(f"shot accepted: {_describe(shot)}")
-        self._answer(self._shot_result_publisher, message)
+        answer(self._shot_result_publisher, message, self._simulation.time)
         self._publisher.at_rest(self._simulation)
 
     @between_ticks
     def _on_preview(self, message: WrenchStamped) -> None:
-        if len(self._previews) < MOST_PREVIEWS:
-            self._previews.append(message)
-        else:
-            reason = f"{MOST_PREVIEWS} previews wait already, one a tick is answered"
-            self._answer(self._preview_result_publisher, message, reason)
+        self._previews.ask(message, self._simulation.time)
 
-    def _preview(self, message: WrenchStamped) -> None:
-        scene = self._scene
-        preview: Preview | None
-        try:
-            shot = shot_from_wrench(message, self._settings.frame_id)
-            self._check_at_rest("a preview")
-            preview = predict(self._simulation, shot)
-        except (ValueError, StallError) as error:
-            preview = None
-            self._answer(self._preview_result_publisher, message, _reason(error))
-        else:
-            text = preview_json(preview, scene.names, scene.physics.radius, self._stamps, messages.stamp_of(message))
-            self._preview_result_publisher.publish(String(data=text))
-        if self._preview_publisher.get_subscription_count() > 0:
-            radius, frame = scene.physics.radius, self._settings.frame_id
-            drawing = markers.preview_markers(preview, scene.names, radius, self._stamp(), frame)
-            self._preview_publisher.publish(drawing)
-
-    @between_ticks
     def _on_place_balls(self, message: PoseArray) -> None:
         try:
-            self._check_at_rest("a placement")
-            settings = self._settings
-            positions = placed_positions(message, self._scene, settings.placement_tolerance, settings.frame_id)
-            self._simulation = self._resting(self._scene, positions, np.zeros((len(self._scene), 3)))
+            settings = self._settings_at_rest("a placement")
+            # Resting balls stay where they are, so time may go on while a place is looked for.
+            positions = placed_positions(message, settings.scene, settings.placement_tolerance, settings.frame_id)
+            self._place(settings, positions)
         except ValueError as error:
             self._log_refusal("placement", error)
-            self._answer(self._placement_result_publisher, message, _reason(error))
+            answer(self._placement_result_publisher, message, self._simulation.time, one_line(error))
             return
-        self.get_logger().info(f"placement accepted: {len(self._scene)} balls")
-        self._publisher.jump()
-        self._answer(self._placement_result_publisher, message)
+        self.get_logger().info(f"placement accepted: {len(settings.scene)} balls")
+        answer(self._placement_result_publisher, message, self._simulation.time)
 
-    def _check_at_rest(self, before: str) -> None:
-        if self._simulation.at_rest:
-            return
-        speeds = [(vx * vx + vy * vy) ** 0.5 for vx, vy in self._simulation.velocities.tolist()]
-        fastest = max(range(len(speeds)), key=speeds.__getitem__)
-        raise ValueError(
-            f"every ball must rest before {before}: ball {self._scene.names[fastest]!r} moves at "
-            f"{speeds[fastest]:.6g} m/s"
-        )
+    @between_ticks
+    def _settings_at_rest(self, before: str) -> parameters.Settings:
+        check_at_rest(self._simulation, before)
+        return self._settings
+
+    @between_ticks
+    def _place(self, settings: parameters.Settings, positions: NDArray[np.float64]) -> None:
+        if self._settings is not settings:
+            raise ValueError("the table was reset meanwhile")
+        self._simulation = self._resting(settings.scene, positions, np.zeros((len(settings.scene), 3)))
+        self._publisher.jump()
 
     @between_ticks
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -373,7 +341,7 @@ class TableNode(Node):
             return True, self.reset()
         except ValueError as error:
             self._log_refusal("reset", error)
-            return False, _reason(error)
+            return False, one_line(error)
 
     def _restart(self) -> None:
         self._stamps = self._stamps.restarted(self._simulation.time)
@@ -386,7 +354,7 @@ class TableNode(Node):
         forms = self._publisher.prepare(settings)
         self._show(settings)
         self._publisher.erase()
-        self._preview_publisher.publish(markers.erasing())
+        self._previews.erase()
         self._settings = settings
         self._publisher.use(forms)
         self._publisher.table(self._stamp())
@@ -418,12 +386,12 @@ class TableNode(Node):
             self._change = self._prepare(changes) if changes else None
         except ValueError as error:
             self._log_refusal("parameters", error)
-            return SetParametersResult(successful=False, reason=_reason(error))
+            return SetParametersResult(successful=False, reason=one_line(error))
         return SetParametersResult(successful=True)
 
     def _prepare(self, changes: Mapping[str, Any]) -> Change:
         parameters.check_changeable(self._settings, changes)
-        self._check_at_rest(f"a change of {', '.join(changes)}")
+        check_at_rest(self._simulation, f"a change of {', '.join(changes)}")
         now = {name: value for name, value in changes.items() if name != "scene"}
         settings = parameters.change_settings(self._settings, now) if now else self._settings
         same = "scene" not in changes and self._after_reset is self._settings
@@ -469,16 +437,20 @@ class TableNode(Node):
 
     def _log_refusal(self, what: str, error: ValueError) -> None:
         if self._may_log(what):
-            self.get_logger().warning(f"{what} refused: {_reason(error)}")
+            self.get_logger().warning(f"{what} refused: {one_line(error)}")
+
+    def _count_lost_beats(self) -> None:
+        lost, self._lost_before = self.metronome.lost - self._lost_before, self.metronome.lost
+        self._lost_time += lost
 
     def _log_lost_time(self) -> None:
-        lost, self._lost_before = self.metronome.lost - self._lost_before, self.metronome.lost
         if self._simulation.at_rest and not self._settings.publish_clock:
             self._lost_time = 0.0  # stamps follow the clock
             return
-        self._lost_time += lost
         if self._lost_time >= LOST_TIME_TOLD and self._may_log("lost time"):
-            self.get_logger().warning(f"ticks came too late: stamps fall {self._lost_time:.3g} s behind the clock")
+            self.get_logger().warning(
+                f"the table does not keep up: stamps fall {self._lost_time:.3g} s behind the clock"
+            )
             self._lost_time = 0.0
 
     def _log_end_of_stamps(self) -> None:
@@ -504,10 +476,6 @@ class TableNode(Node):
             return False
         self._next_logs[what] = now + LOG_PERIOD
         return True
-
-    def _answer(self, publisher: Publisher, request: WrenchStamped | PoseArray, reason: str = "") -> None:
-        answer = messages.answer_record(reason, self._simulation.time, messages.stamp_of(request))
-        publisher.publish(String(data=json.dumps(answer)))
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -542,7 +510,7 @@ def _new_node() -> TableNode:
     try:
         return TableNode()
     except ValueError as error:
-        raise StartError(_reason(error)) from None
+        raise StartError(one_line(error)) from None
 
 
 def _serve(node: TableNode) -> None:
@@ -571,7 +539,7 @@ def _start(node: TableNode) -> None:
     try:
         node.start()
     except ValueError as error:
-        raise StartError(_reason(error)) from None
+        raise StartError(one_line(error)) from None
 
 
 def _spin(node: TableNode, executor: SingleThreadedExecutor) -> None:
@@ -598,12 +566,6 @@ def _warm_up(node: TableNode) -> None:
     simulation.strike((100.0, 1.0, 0.0), (0.005, 0.005))
     simulation.run()
     node.get_logger().info(f"engine ready after {time.monotonic() - began:.2f} s")
-
-
-def _reason(error: Exception) -> str:
-    """One line, which does not repeat all of a long input."""
-    text = " ".join(str(error).split())
-    return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
 
 
 def _describe(shot: Shot) -> str:

@@ -91,7 +91,7 @@ def test_the_frame_and_the_namespaces_are_the_messages_own() -> None:
     assert RVIZ["Global Options"]["Fixed Frame"] == DEFAULT_FRAME
     simulation = bs.Simulation(bs.Scene([[0.5, 0.5], [1.0, 0.5]], names=("cue", "9")))
     shot = Shot((30.0, 0.0, 0.0))
-    preview = markers.preview_markers(predict(simulation, shot), simulation.start_scene.names, 0.03, 0, DEFAULT_FRAME)
+    preview = markers.preview_markers(predict(simulation, shot), 0, DEFAULT_FRAME)
     balls = markers.BallMarkers(simulation.start_scene.names, 0.03, 30.0, DEFAULT_FRAME)
     balls.update(simulation.positions.tolist(), 0)
     simulation.strike(shot.force)

@@ -11,6 +11,7 @@ from process import TIMEOUT
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from billiards_sim.ros import table_node
 from billiards_sim.ros.inbox import MOST_AT_ONCE
 from billiards_sim.ros.table_node import TableNode
 
@@ -32,7 +33,7 @@ def test_nothing_is_dropped_and_the_executor_waits_once_for_many(
     table: TableNode, player: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refused: list[int] = []
-    monkeypatch.setattr(table, "_answer", lambda _, request, reason: refused.append(request.header.stamp.sec))
+    monkeypatch.setattr(table_node, "answer", lambda _, request, time, why: refused.append(request.header.stamp.sec))
     cue = player.create_publisher(WrenchStamped, "cue_shot", COUNT)
     deadline = time.monotonic() + TIMEOUT
     while cue.get_subscription_count() == 0:

@@ -11,6 +11,7 @@ import billiards_sim as bs
 from billiards_sim.engine import record
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros import markers, messages, preview
+from billiards_sim.ros.table_node import TableNode
 from billiards_sim.ros.wrench import wrench_from_shot
 
 BREAK = Shot((125.0, 6.0, 0.0), (0.004, -0.002))
@@ -108,7 +109,7 @@ def test_preview_json_keeps_every_digit() -> None:
     found = preview.predict(simulation, BREAK)
     names = simulation.start_scene.names
     stamps = messages.Stamps(1_000_000_000)
-    read = json.loads(preview.preview_json(found, names, RADIUS, stamps, (7, 8)))
+    read = json.loads(preview.preview_json(found, stamps, (7, 8)))
     assert {key: read[key] for key in ("version", "accepted", "reason", "time", "complete")} == {
         "version": 2,
         "accepted": True,
@@ -131,7 +132,7 @@ def test_preview_json_keeps_every_digit() -> None:
 def test_markers_draw_paths_contacts_and_final_positions() -> None:
     simulation = bs.Simulation(bs.Scene([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0]]))
     found = preview.predict(simulation, Shot((30.0, 0.0, 0.0)))
-    first, *others = markers.preview_markers(found, ("cue", "1", "2"), RADIUS, 1_500_000_000, "table").markers
+    first, *others = markers.preview_markers(found, 1_500_000_000, "table").markers
     assert first.action == Marker.DELETEALL
     by_id = {(marker.ns, marker.id): marker for marker in others}
     assert set(by_id) == {
@@ -154,7 +155,7 @@ def test_markers_draw_paths_contacts_and_final_positions() -> None:
         ball = by_id["preview_balls", index]
         assert (ball.pose.position.x, ball.pose.position.y) == place
         assert 0.0 < ball.color.a < 1.0
-    assert [one.action for one in markers.preview_markers(None, (), RADIUS, 0, "table").markers] == [Marker.DELETEALL]
+    assert [one.action for one in markers.preview_markers(None, 0, "table").markers] == [Marker.DELETEALL]
 
 
 def test_the_table_answers_within_one_tick_and_then_plays_what_it_said(site: Site) -> None:
@@ -235,3 +236,12 @@ def test_too_many_previews_at_once_are_refused(site: Site) -> None:
     client.spin_until(lambda: any("100 previews wait already" in one["reason"] for one in client.previews))
     answered = len(client.previews)
     client.spin_until(lambda: len(client.previews) > answered)
+
+
+def test_a_preview_in_pieces_is_the_preview_in_one(table: TableNode) -> None:
+    prediction, count = preview.Prediction(table.simulation, BREAK), 0
+    while (found := prediction.go_on(1e-9)) is None:
+        count += 1
+    whole = preview.predict(table.simulation, BREAK)
+    assert (found.events, found.paths, found.end) == (whole.events, whole.paths, whole.end)
+    assert count > 3

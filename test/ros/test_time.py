@@ -148,7 +148,7 @@ def test_time_that_a_shot_loses_is_told_where_it_matters(
     assert lose(0.6 * table_node.LOST_TIME_TOLD) == 0
     table.metronome.lost += 0.6 * table_node.LOST_TIME_TOLD
     tick(table, wall)
-    assert capfd.readouterr().err.count("ticks came too late: stamps fall 0.12 s behind the clock") == 1
+    assert capfd.readouterr().err.count("the table does not keep up: stamps fall 0.12 s behind the clock") == 1
     assert lose(0.6 * table_node.LOST_TIME_TOLD) == 0
 
 

@@ -138,7 +138,7 @@ def preview_messages(scene: Scene, shot: Aim) -> Iterator[Sent]:
     preview = predict(Simulation(scene), shot.shot(physics))
     yield 0.0, "table_markers", markers.table_markers(scene.table, physics.radius, 0, DEFAULT_FRAME)
     yield 0.0, "markers", balls.update(scene.positions.tolist(), 0)
-    yield 0.0, "preview", markers.preview_markers(preview, scene.names, physics.radius, 0, DEFAULT_FRAME)
+    yield 0.0, "preview", markers.preview_markers(preview, 0, DEFAULT_FRAME)
 
 
 def _struck(scene: Scene, shot: Aim) -> Simulation:
