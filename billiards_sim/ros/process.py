@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator, MutableMapping
@@ -113,11 +114,40 @@ def shut_out_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
+def claim_domain(start: int, taken: str | None = None) -> tuple[int, socket.socket]:
+    """A ROS domain that nobody has claimed on this machine, and what claims it until it is closed.
+
+    The claim is an abstract address (Linux): no file, and free again however the process ends.
+
+    Args:
+        start: where to begin to look.
+        taken: a domain that is not to be had.
+
+    Raises:
+        StartError: there is none.
+    """
+    for number in range(start, start + LAST_DOMAIN):
+        domain = 1 + number % LAST_DOMAIN
+        claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            claim.bind(f"\0billiards_sim ROS domain {domain}")
+        except OSError:
+            claim.close()
+            continue
+        if str(domain) != taken:
+            return domain, claim
+        claim.close()
+    raise StartError("no ROS domain is free")
+
+
 def isolate(environment: MutableMapping[str, str]) -> None:
-    """Keep traffic on this machine, and in a domain that is not the user's."""
-    domain = 1 + os.getpid() % LAST_DOMAIN
-    if environment.get("ROS_DOMAIN_ID") == str(domain):
-        domain = 1 + domain % LAST_DOMAIN
+    """Keep traffic on this machine, until this process ends, in a domain that nobody else has, nor the user.
+
+    Raises:
+        StartError: there is none.
+    """
+    domain, claim = claim_domain(os.getpid(), environment.get("ROS_DOMAIN_ID"))
+    claim.detach()  # stays open
     environment["ROS_DOMAIN_ID"] = str(domain)
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 

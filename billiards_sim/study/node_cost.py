@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -16,14 +15,9 @@ CASES = ((100, "all"), (100, "none"), (1000, "poses"), (1000, "all"))
 
 DURATION = 10.0  # s, with the balls at rest and again with them moving
 
-LAST_DOMAIN = 101
-"""ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
-
 
 def load(rate: int, topics: str) -> list[dict[str, Any]]:
     """What `python3 -m billiards_sim.ros.tools.node_load` says of a case: one record at rest, one moving.
-
-    Its traffic stays on this machine, in a domain of its own.
 
     Raises:
         ChildError: it failed.
@@ -31,8 +25,6 @@ def load(rate: int, topics: str) -> list[dict[str, Any]]:
     lines = lines_of_python(
         *("-m", "billiards_sim.ros.tools.node_load"),
         *("--rate", str(rate), "--topics", topics, "--duration", str(DURATION)),
-        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
-        ROS_DOMAIN_ID=str(1 + os.getpid() % LAST_DOMAIN),
     )
     return [{"rate": rate, **json.loads(line), "topics": topics} for line in lines if line.startswith("{")]
 

@@ -1,43 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests of the ROS side: on this machine only, in ROS domains of their own, with checked message fields."""
 
-import fcntl
 import os
-import tempfile
 from collections.abc import Callable, Iterator
 from itertools import count
-from pathlib import Path
 
 import pytest
 import rclpy
 from process import Client, Process
 
+from billiards_sim.ros.process import claim_domain
 from billiards_sim.ros.table_node import TableNode
 
-DOMAINS = range(1, 101)
-"""ROS_DOMAIN_IDs that are safe on every operating system, without the one that robots use."""
-
-
 _starts = count(os.getpid())
-
-
-def claim_domain() -> tuple[int, int]:
-    """A ROS domain that no other test has, and the open file that claims it until it is closed: tests run side by side
-    in several processes."""
-    start = next(_starts) % len(DOMAINS)
-    for domain in (*DOMAINS[start:], *DOMAINS[:start]):
-        name = Path(tempfile.gettempdir(), f"billiards_sim_{os.getuid()}_domain_{domain}")
-        claim = os.open(name, os.O_RDWR | os.O_CREAT, mode=0o600)
-        try:
-            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(claim)
-        else:
-            return domain, claim
-    raise RuntimeError("every ROS domain has a test in it")
-
-
-OWN_DOMAIN, _own_claim = claim_domain()
+OWN_DOMAIN, _own_claim = claim_domain(next(_starts))  # tests run side by side in several processes
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
@@ -55,7 +31,7 @@ class Site:
     """A ROS domain of its own and the processes and clients in it."""
 
     def __init__(self) -> None:
-        self.domain, self._claim = claim_domain()
+        self.domain, self._claim = claim_domain(next(_starts))
         self._open: list[Process | Client] = []
 
     def process(self, *arguments: str, **options: object) -> Process:
@@ -80,7 +56,7 @@ class Site:
     def close(self) -> None:
         for one in reversed(self._open):
             one.close()
-        os.close(self._claim)
+        self._claim.close()
 
 
 @pytest.fixture

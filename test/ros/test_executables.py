@@ -18,6 +18,7 @@ from billiards_sim.ros.process import (
     STOPPING,
     Child,
     announce_often,
+    claim_domain,
     isolate,
     noted_signals,
 )
@@ -222,6 +223,21 @@ def test_demo_leaves_a_table_in_the_users_domain_alone(site: Site) -> None:
     assert demo.wait() == 0, demo.stderr
     client.fresh_poses()
     assert (client.results, client.at_rest) == ([], [True])
+
+
+def test_a_domain_is_claimed_by_one_alone_until_it_is_given_back() -> None:
+    start = os.getpid() + LAST_DOMAIN // 2  # far from where the other tests look
+    first, claim = claim_domain(start)
+    second, other = claim_domain(start)
+    assert first != second
+    claim.close()
+    again, claim = claim_domain(start)
+    assert again == first
+    claim.close()
+    third, claim = claim_domain(start, taken=str(first))
+    assert third not in (first, second)
+    claim.close()
+    other.close()
 
 
 def test_a_domain_of_ones_own_is_not_the_users() -> None:

@@ -87,8 +87,8 @@ def main(arguments: list[str]) -> int:
         "Exit code 0: the break came to rest; 1: something failed; 2: bad arguments.",
     )
     parser.add_argument("--timeout", type=positive_seconds, default=120.0, metavar="S", help="longest run, s (120)")
-    isolate(os.environ)
     try:
+        isolate(os.environ)
         options = parser.parse_args(own_arguments("demo", arguments))
         with noted_signals() as signals, ros("demo", arguments):
             _play(options.timeout, signals)
