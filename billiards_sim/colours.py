@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-CLOTH = (0.05, 0.40, 0.25)
+CLOTH = (0.04, 0.48, 0.58)
+"""Tournament blue-green: every ball stands out from it, the green one and the blue one too."""
+
 WOOD = (0.35, 0.20, 0.10)
 CUE_BALL = (0.96, 0.95, 0.90)
 WHITE = (0.98, 0.97, 0.94)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from builtin_interfaces.msg import Duration
@@ -32,6 +33,12 @@ CONTACT_SIZE = 0.02
 CONTACT = (1.0, 0.3, 0.1)
 """Their colour, red green blue."""
 
+DASH, GAP = 0.03, 0.02
+"""m, of the lines of striped balls in a preview: of two balls of one colour, a line tells which."""
+
+MOST_DASHES = 1000
+"""Of a line; a longer one has longer dashes."""
+
 PREVIEW_OPACITY = 0.4
 """Of the balls where a preview ends."""
 
@@ -51,7 +58,13 @@ TRAIL_TIME = 0.67
 """s of the wall clock that a trail goes back."""
 
 TRAIL_POINTS = 20
-"""Most points of a trail, one a message: `TRAIL_TIME` at 30 Hz, less where messages come faster."""
+"""Most messages that a trail goes back: `TRAIL_TIME` at 30 Hz, less where messages come faster."""
+
+MOST_CORNERS = 40
+"""Of a trail, at contacts: a break at 8 m/s makes 4 in that time, a fast table more."""
+
+CORNERS_APART = 1e-3
+"""m. A contact nearer to the point before makes no corner that could be seen; in a cluster there are many."""
 
 TRAIL_WIDTH = 0.5
 """Of a trail, in ball radii."""
@@ -112,6 +125,7 @@ class BallMarkers:
             line = self._marker("trails", index, Marker.LINE_STRIP, _line_colour(name))
             line.scale.x = TRAIL_WIDTH * self._radius
             self._trails.append(_Trail(line, self._radius, max(1, min(round(TRAIL_TIME * rate), TRAIL_POINTS))))
+        self._trail_of = dict(zip(names, self._trails))
         self._lasting = [*self._balls, *(stripe for _, stripe in self._stripes)]
         self._flash = self._marker("contacts", 0, Marker.SPHERE_LIST, FLASH)
         self._flash.scale.x = self._flash.scale.y = self._flash.scale.z = FLASH_SIZE * self._radius
@@ -151,9 +165,14 @@ class BallMarkers:
             self._message.markers.append(self._flash)
         return self._message
 
-    def flash(self, points: Iterable[Sequence[float]]) -> None:
-        """Contacts at these points (x, y), m, for the next message."""
-        self._contacts.extend(Point(x=float(x), y=float(y), z=self._radius) for x, y in points)
+    def note(self, events: Iterable[Event]) -> None:
+        """What happens between two messages: contacts flash with the next one, and bend the trails."""
+        for event in _contacts(events):
+            (x, y), (across, along) = event.point, event.normal
+            self._contacts.append(Point(x=x, y=y, z=self._radius))
+            # The normal points from the second ball, or from the rail, to the first.
+            for name, side in zip(event.balls, (self._radius, -self._radius)):
+                self._trail_of[name].turn(x + side * across, y + side * along)
 
     def restart(self) -> None:
         """The balls are put elsewhere, or messages were left out: trails start anew, contacts are forgotten."""
@@ -182,42 +201,55 @@ class BallMarkers:
 
 
 class _Trail:
-    # Where a ball was in the last messages, at most `length` of them, from the ball backwards.
+    # Where a ball was in the last messages, `length` of them, and where it hit something between them; newest first.
 
     def __init__(self, marker: Marker, height: float, length: int) -> None:
         marker.lifetime = _duration(TRAIL_LIFETIME)
         red, green, blue = marker.color.r, marker.color.g, marker.color.b
-        opacities = [TRAIL_OPACITY * (length - place) / length for place in range(length)]
-        self._colours = [ColorRGBA(r=red, g=green, b=blue, a=opacity) for opacity in opacities]
+        opacities = [TRAIL_OPACITY * (length - age) / length for age in range(length)]
+        self._colours = [ColorRGBA(r=red, g=green, b=blue, a=opacity) for opacity in opacities]  # by age in messages
         self.marker = marker
         self.due = False  # to be sent
         self._drawn = False
         self._height = height
-        self._length = length
-        self._points: list[Point] = []
+        self._message = 0
+        self._corners: deque[tuple[float, float]] = deque(maxlen=MOST_CORNERS)
+        self._points: deque[tuple[int, Point]] = deque(maxlen=MOST_CORNERS + length)  # the message that brought each
+
+    def turn(self, x: float, y: float) -> None:
+        """The ball was here (m) when it hit something, between the last message and the next."""
+        self._corners.append((x, y))
 
     def follow(self, x: float, y: float) -> None:
         """The ball is here (m) one message later; a trail whose ball rests loses its end, and is taken away with it."""
+        self._message += 1
         points = self._points
-        if not points:
-            points.append(Point(x=x, y=y, z=self._height))
-        elif (points[0].x, points[0].y) != (x, y):
-            point = points.pop() if len(points) == self._length else Point(z=self._height)
-            point.x, point.y = x, y
-            points.insert(0, point)
-        elif len(points) > 1:
+        if points:
+            for corner in self._corners:
+                if math.dist(corner, (points[0][1].x, points[0][1].y)) > CORNERS_APART:
+                    self._add(*corner)
+        self._corners.clear()
+        if points and (points[0][1].x, points[0][1].y) == (x, y):
+            points[0] = self._message, points[0][1]
+        else:
+            self._add(x, y)
+        while self._message - points[-1][0] >= len(self._colours):
             points.pop()
         drawn = len(points) > 1
         self.due = drawn or self._drawn
         if self.due:
             self.marker.action = Marker.ADD if drawn else Marker.DELETE
-            self.marker.points = points
-            self.marker.colors = self._colours[: len(points)]
+            self.marker.points = [point for _, point in points]
+            self.marker.colors = [self._colours[self._message - message] for message, _ in points]
         self._drawn = drawn
 
     def restart(self) -> None:
         """Forget where the ball was."""
         self._points.clear()
+        self._corners.clear()
+
+    def _add(self, x: float, y: float) -> None:
+        self._points.appendleft((self._message, Point(x=x, y=y, z=self._height)))
 
 
 def table_markers(table: Table, radius: float, stamp: int, frame: str) -> MarkerArray:
@@ -254,8 +286,8 @@ def table_markers(table: Table, radius: float, stamp: int, frame: str) -> Marker
 def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerArray:
     """What a shot would do, in place of the preview before.
 
-    For each ball that moves (id = its place in the scene) a line, and the ball, translucent, where it ends; the points
-    of contact. Nothing where there is no preview.
+    For each ball that moves (id = its place in the scene) a line, dashed for a striped ball, and the ball, translucent,
+    where it ends; the points of contact. Nothing where there is no preview.
     """
     message = erasing()
     if preview is None:
@@ -264,16 +296,18 @@ def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerAr
     for index, (name, path) in enumerate(zip(preview.scene.names, preview.paths)):
         if len(path) < 2:
             continue  # a translucent ball where the ball itself lies would only tint it
-        line = _marker("preview_paths", index, Marker.LINE_STRIP, _line_colour(name))
+        points = [(x, y) for _, x, y in path]
+        shape = Marker.LINE_LIST if is_striped(name) else Marker.LINE_STRIP
+        line = _marker("preview_paths", index, shape, _line_colour(name))
         line.scale.x = PATH_WIDTH
-        line.points = [Point(x=x, y=y, z=radius) for _, x, y in path]
+        line.points = [Point(x=x, y=y, z=radius) for x, y in (_dashes(points) if is_striped(name) else points)]
         ball = _marker("preview_balls", index, Marker.SPHERE, ball_colour(name))
         _, ball.pose.position.x, ball.pose.position.y = path[-1]
         ball.pose.position.z = radius
         ball.scale.x = ball.scale.y = ball.scale.z = 2.0 * radius
         ball.color.a = PREVIEW_OPACITY
         message.markers += [line, ball]
-    hits = contact_points(preview.events)
+    hits = [event.point for event in _contacts(preview.events)]
     if hits:
         contacts = _marker("preview_contacts", 0, Marker.SPHERE_LIST, CONTACT)
         contacts.scale.x = contacts.scale.y = contacts.scale.z = CONTACT_SIZE
@@ -284,9 +318,29 @@ def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerAr
     return message
 
 
-def contact_points(events: Iterable[Event]) -> list[tuple[float, float]]:
-    """Where balls hit each other or a rail, (x, y) m."""
-    return [event.point for event in events if event.kind in ("ball_ball", "ball_rail")]
+def _contacts(events: Iterable[Event]) -> list[Event]:
+    # Of balls with each other and with rails.
+    return [event for event in events if event.kind in ("ball_ball", "ball_rail")]
+
+
+def _dashes(path: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    # The ends of each dash of a line through these points, m; a dash that turns a corner is two.
+    lengths = [math.dist(one, other) for one, other in pairwise(path)]
+    period = max(DASH + GAP, sum(lengths) / MOST_DASHES)
+    dash = period * DASH / (DASH + GAP)
+    ends = []
+    begin = 0.0  # of a piece, along the line
+    for (one, other), length in zip(pairwise(path), lengths):
+        for number in range(int(begin // period), int((begin + length) // period) + 1):
+            low, high = max(number * period, begin), min(number * period + dash, begin + length)
+            if low < high:
+                ends += [_between(one, other, (at - begin) / length) for at in (low, high)]
+        begin += length
+    return ends
+
+
+def _between(one: tuple[float, float], other: tuple[float, float], share: float) -> tuple[float, float]:
+    return one[0] + share * (other[0] - one[0]), one[1] + share * (other[1] - one[1])
 
 
 def erasing() -> MarkerArray:

@@ -27,7 +27,7 @@ from billiards_sim.ros.parameters import Settings
 from billiards_sim.ros.qos import EVENT_DEPTH, LATCHED, MOST_BALLS, STATE_DEPTH, TF_DEPTH
 from billiards_sim.ros.transforms import BallFrames, tf_message_type
 
-MOST_FLASHES = 200
+MOST_DRAWN = 200
 """Of the last events of a tick: more than eyes tell apart, and some ms of work where there are thousands."""
 
 TWIST_PERIOD = 1.0
@@ -159,7 +159,7 @@ class StatePublisher:
         if len(events) == 0:
             return
         if _heard(self._markers_publisher):
-            self._forms.balls.flash(markers.contact_points(events[-MOST_FLASHES:]))
+            self._forms.balls.note(events[-MOST_DRAWN:])
         if _heard(self._collisions_publisher):
             self._events.add(events, stamps, self._forms.scene.physics.radius)
 

@@ -194,8 +194,8 @@ class TableNode(Node):
             self._publisher.events(error.events, self._stamps)
             self._restart()
         if self._simulation.at_rest and not self._settings.publish_clock:
-            # Simulated time that went on at rest does not count; but no stamp goes back.
-            earliest = stamp if rested else self._stamp()
+            # Simulated time that went on at rest does not count. No stamp goes back or, lest tf complain, comes twice.
+            earliest = 1 + (stamp if rested else self._stamp())
             self._stamps = messages.Stamps(max(self._now(), earliest), self._simulation.time)
         self._publisher.state(self._simulation, self._stamp())
 
@@ -254,7 +254,7 @@ class TableNode(Node):
             self.get_logger().warning(f"the clock went back by {back:.9g} s, to {to:.9g} s: {what}")
             elapsed = None
         if elapsed is None:
-            self._stamps = messages.Stamps(now, self._simulation.time)
+            self._stamps = messages.Stamps(now - 1, self._simulation.time)  # this tick has the reading itself
         self._on_tick((elapsed or 0) / messages.NANOSECONDS * self._settings.real_time_factor)
 
     def _on_tick(self, duration: float) -> None:

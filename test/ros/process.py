@@ -167,9 +167,6 @@ class Client:
             assert time.monotonic() < deadline, f"not within {timeout} s"
             self._executor.spin_once(timeout_sec=0.1)
 
-    def spin_once(self, timeout: float) -> None:
-        self._executor.spin_once(timeout_sec=timeout)
-
     def shoot(self, message: WrenchStamped) -> dict:
         """Publish a shot; returns the verdict."""
         before = len(self.results)

@@ -95,7 +95,7 @@ def test_the_frame_and_the_namespaces_are_the_messages_own() -> None:
     balls = markers.BallMarkers(simulation.start_scene.names, 0.03, 30.0, DEFAULT_FRAME)
     balls.update(simulation.positions.tolist(), 0)
     simulation.strike(shot.force)
-    balls.flash(markers.contact_points(simulation.advance(1.0)))
+    balls.note(simulation.advance(1.0))
     sent = {
         "Table": markers.table_markers(bs.Table(), 0.03, 0, DEFAULT_FRAME),
         "Balls": balls.update(simulation.positions.tolist(), 1),

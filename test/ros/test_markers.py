@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
+import copy
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 import billiards_sim as bs
-from billiards_sim.colours import UNNUMBERED, WHITE, ball_colour
+from billiards_sim.colours import CLOTH, UNNUMBERED, WHITE, ball_colour
 from billiards_sim.ros import markers
 
 SECOND = 1_000_000_000
@@ -104,13 +106,9 @@ def test_the_trail_of_a_ball_that_moves_fades_from_the_ball_backwards() -> None:
     assert 1.0 > opacities[0] > opacities[-1] > 0.0
 
 
-def test_a_trail_goes_back_for_the_same_time_with_few_points_that_are_used_again() -> None:
-    balls = new("cue", "1")
-    (trail,) = of(roll(balls, 100), "trails")
-    points = {id(point) for point in trail.points}
-    (trail,) = of(roll(balls, 55, begin=100), "trails")
+def test_a_trail_goes_back_for_the_same_time_with_few_points() -> None:
+    (trail,) = of(roll(new("cue", "1"), 155), "trails")
     assert line(trail) == [(0.01 * step, 0.5) for step in range(154, 134, -1)]
-    assert {id(point) for point in trail.points} == points
     assert trail.colors[-1].a < 0.05
     assert 1.0 / 30.0 < trail.lifetime.sec + trail.lifetime.nanosec / SECOND < 2.0
     for rate, most in ((10.0, 7), (1000.0, 20)):
@@ -122,12 +120,15 @@ def test_a_trail_goes_back_for_the_same_time_with_few_points_that_are_used_again
 def test_the_trail_of_a_ball_that_rests_runs_out_and_is_taken_away_once() -> None:
     balls = new("cue", "1")
     roll(balls, 5)
-    rest = [balls.update([[0.04, 0.5], [0.9, 0.9]], step) for step in range(5, 8)]
-    assert line(of(rest[-1], "trails")[0]) == [(0.04, 0.5), (0.03, 0.5)]
-    (gone,) = of(balls.update([[0.04, 0.5], [0.9, 0.9]], 8), "trails")
+    rest = [of(copy.deepcopy(balls.update([[0.04, 0.5], [0.9, 0.9]], step)), "trails") for step in range(5, 25)]
+    # Message 3 brought (0.03, 0.5): 19 messages later, at 22, it is the last that is left.
+    assert line(rest[22 - 5][0]) == [(0.04, 0.5), (0.03, 0.5)]
+    opacities = [trails[0].colors[1].a for trails in rest[: 23 - 5]]
+    assert opacities == sorted(opacities, reverse=True)
+    (gone,) = rest[23 - 5]
     assert (gone.id, gone.action) == (0, Marker.DELETE)
-    assert of(balls.update([[0.04, 0.5], [0.9, 0.9]], 9), "trails") == []
-    (trail,) = of(balls.update([[0.05, 0.5], [0.9, 0.9]], 10), "trails")
+    assert rest[24 - 5] == []
+    (trail,) = of(balls.update([[0.05, 0.5], [0.9, 0.9]], 25), "trails")
     assert (trail.action, line(trail)) == (Marker.ADD, [(0.05, 0.5), (0.04, 0.5)])
 
 
@@ -150,13 +151,19 @@ def test_trails_start_anew_where_balls_are_put(stamp: int) -> None:
     assert line(trail) == [(2.01, 0.5), (2.0, 0.5)]
 
 
+def contact(x: float, y: float, kind: str = "ball_rail", normal: tuple[float, float] = (-1.0, 0.0)) -> bs.Event:
+    """Of the ball "cue" with a rail, or with the ball "1", at a point."""
+    balls = ("cue", "1") if kind == "ball_ball" else ("cue",)
+    return bs.Event(0.0, kind, balls, "x_max" if kind == "ball_rail" else None, (x, y), normal, 1.0, 1.0)
+
+
 def test_contacts_flash_for_a_while_and_do_not_erase_the_ones_before() -> None:
     balls = new("cue", "1")
     still = [[0.1, 0.1], [0.2, 0.2]]
     ids = set()
     alive = math.ceil(markers.FLASH_LIFETIME * 1000.0)  # messages at the highest marker rate
     for step in range(alive):
-        balls.flash([(0.3, 0.01 * step), np.array([0.5, 0.625], dtype=np.float32)])
+        balls.note([contact(0.3, 0.01 * step), contact(9.0, 9.0, "rolling"), contact(0.5, 0.625, "ball_ball")])
         (flash,) = of(balls.update(still, step), "contacts")
         assert (flash.type, flash.action) == (Marker.SPHERE_LIST, Marker.ADD)
         assert line(flash) == [(0.3, 0.01 * step), (0.5, 0.625)]
@@ -165,20 +172,81 @@ def test_contacts_flash_for_a_while_and_do_not_erase_the_ones_before() -> None:
         ids.add(flash.id)
     assert len(ids) == alive
     assert of(balls.update(still, alive), "contacts") == []
-    balls.flash((0.001 * place, 0.0) for place in range(1000))
+    balls.note(contact(0.001 * place, 0.0) for place in range(1000))
     (flash,) = of(balls.update(still, alive + 1), "contacts")
     assert line(flash) == [(0.001 * place, 0.0) for place in range(1000 - markers.MOST_FLASHES, 1000)]
-    balls.flash([(0.3, 0.3)])
+    balls.note([contact(0.3, 0.3)])
     balls.restart()
     assert of(balls.update(still, alive + 2), "contacts") == []
 
 
-def test_contacts_are_those_of_balls_with_balls_and_rails() -> None:
-    simulation = bs.Simulation(bs.scenes.head_on())
-    events = list(simulation.run())
-    assert {event.kind for event in events} > {"ball_ball"}
-    hits = [event for event in events if event.kind in ("ball_ball", "ball_rail")]
-    assert markers.contact_points(events) == [event.point for event in hits]
+def test_a_trail_turns_where_the_ball_hit_something() -> None:
+    balls = new("cue", "1")
+    balls.update([[0.90, 0.5], [0.4, 0.5]], 0)
+    # The cue ball meets the rail at x = 1, then ball "1" below it: the centres are a radius of 0.03 m from the points.
+    balls.note([contact(1.0, 0.57), contact(0.94, 0.6, "ball_ball", normal=(0.6, 0.8)), contact(0.9, 0.9, "rest")])
+    first, second = of(balls.update([[0.93, 0.65], [0.41, 0.5]], 1), "trails")
+    assert np.array(line(first)) == pytest.approx(np.array([(0.93, 0.65), (0.958, 0.624), (0.97, 0.57), (0.90, 0.5)]))
+    assert np.array(line(second)) == pytest.approx(np.array([(0.41, 0.5), (0.922, 0.576), (0.4, 0.5)]))
+    opacities = [colour.a for colour in first.colors]
+    assert opacities[0] == opacities[1] == opacities[2] > opacities[3]  # the same message brought them
+
+
+def test_a_trail_of_a_break_lies_on_the_path_of_its_ball() -> None:
+    scene = bs.scenes.eight_ball()
+    simulation = bs.Simulation(scene)
+    simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
+    run = bs.record(simulation, until=0.6)
+    playing = bs.Simulation(scene)
+    playing.strike((125.0, 6.0, 0.0), (0.004, -0.002))
+    balls = markers.BallMarkers(scene.names, scene.physics.radius, 10.0, "table")
+    for step in range(6):
+        balls.note(playing.advance(0.1))
+        message = balls.update(playing.positions.tolist(), step)
+    trails = {trail.id: np.array(line(trail)) for trail in of(message, "trails")}
+    hits = [event for event in run.events if event.kind == "ball_rail" and event.time > 0.1]
+    assert len(hits) >= 3
+    for event in hits:
+        # Without a point at the cushion the trail would pass it by centimetres.
+        (name,) = event.balls
+        centre = np.array(event.point) + scene.physics.radius * np.array(event.normal)
+        apart = np.linalg.norm(trails[scene.names.index(name)] - centre, axis=1)
+        assert apart.min() <= 1e-12
+
+
+def test_micro_contacts_make_no_corners_and_many_are_bounded() -> None:
+    balls = new("cue", "1")
+    balls.update([[0.5, 0.5], [0.9, 0.9]], 0)
+    balls.note(contact(0.53 + 1e-6 * number, 0.5) for number in range(500))
+    (trail,) = of(balls.update([[0.4, 0.5], [0.9, 0.9]], 1), "trails")
+    assert line(trail) == [(0.4, 0.5), (0.5, 0.5)]
+    balls.note(contact(0.53 + 0.1 * (number % 2), 0.5) for number in range(500))
+    (trail,) = of(balls.update([[0.3, 0.5], [0.9, 0.9]], 2), "trails")
+    assert len(trail.points) <= markers.MOST_CORNERS + markers.TRAIL_POINTS
+
+
+def dashes_of(*path: tuple[float, float]) -> np.ndarray:
+    """(D, 2, 2) ends of each dash of a preview's line."""
+    return np.array(markers._dashes(path)).reshape(-1, 2, 2)
+
+
+def test_dashes_lie_on_the_line_and_cover_their_share_of_it() -> None:
+    found = dashes_of((0.0, 0.0), (0.31, 0.0), (0.31, 0.0), (0.31, 0.4))
+    assert np.all((found[..., 1] == 0.0) | (found[..., 0] == 0.31))
+    along = found.sum(axis=2)  # 0.71 m of a line: 0.31 m along x, then 0.4 m along y
+    period = markers.DASH + markers.GAP
+    expected = [(number * period, min(number * period + markers.DASH, 0.71)) for number in range(15)]
+    expected[6:7] = [(0.30, 0.31), (0.31, 0.33)]  # around the corner
+    assert along == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_the_dashes_of_a_long_line_are_bounded() -> None:
+    found = dashes_of((0.0, 0.0), (5e7, 0.0), (0.0, 1.0))
+    assert markers.MOST_DASHES <= len(found) <= markers.MOST_DASHES + 2
+
+
+def test_a_line_of_no_length_has_no_dashes() -> None:
+    assert len(dashes_of((1.0, 1.0), (1.0, 1.0))) == 0
 
 
 def test_what_is_sent_of_a_break_arrives_as_it_is() -> None:
@@ -187,7 +255,7 @@ def test_what_is_sent_of_a_break_arrives_as_it_is() -> None:
     simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
     balls = markers.BallMarkers(scene.names, scene.physics.radius, 30.0, "table")
     for step in range(20):
-        balls.flash(markers.contact_points(simulation.advance(0.03)))
+        balls.note(simulation.advance(0.03))
         message = balls.update(simulation.positions.tolist(), step)
         arrived = deserialize_message(serialize_message(message), MarkerArray)
         for one, other in zip(arrived.markers, message.markers, strict=True):
@@ -204,6 +272,23 @@ def test_colours_tell_the_balls_of_a_group_apart() -> None:
     assert len({*colours, ball_colour("cue")}) == 9
     assert ball_colour("9") == ball_colour("1")
     assert ball_colour("red") == ball_colour("16") == UNNUMBERED
+
+
+def lab(colour: Sequence[float]) -> np.ndarray:
+    """CIELAB of an sRGB colour (IEC 61966-2-1, white D65), in which distances are what eyes see."""
+    rgb = np.asarray(colour)
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    xyz = (np.array(to_xyz) @ linear) / np.sum(to_xyz, axis=1)
+    root = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116.0 * root[1] - 16.0, 500.0 * (root[0] - root[1]), 200.0 * (root[1] - root[2])])
+
+
+@pytest.mark.parametrize("name", ["cue", "red", *map(str, range(1, 16))])
+def test_every_ball_stands_out_from_the_cloth(name: str) -> None:
+    # 2.3 is just noticeable; the green ball on a green cloth had 15.
+    assert np.linalg.norm(lab(ball_colour(name)) - lab(CLOTH)) > 40.0
+    assert np.linalg.norm(lab(markers._line_colour(name)) - lab(CLOTH)) > 20.0
 
 
 def sides(marker: Marker) -> list[tuple[float, float]]:

@@ -117,6 +117,14 @@ def test_a_line_has_its_width_and_the_colours_of_its_points() -> None:
     assert_colour(pixel(drawn(line), 2.0, 1.0), 1.0, 0.0, 0.0)
 
 
+def test_a_list_of_lines_has_gaps() -> None:
+    line = marker(Marker.LINE_LIST, (0.0, 0.0, 0.0), 0.06, color=red())
+    line.points = [Point(x=1.8, y=1.0), Point(x=1.9, y=1.0), Point(x=2.1, y=1.0), Point(x=2.2, y=1.0)]
+    picture = drawn(line)
+    for x, colour in ((1.85, (1.0, 0.0, 0.0)), (2.0, GREY), (2.15, (1.0, 0.0, 0.0))):
+        assert_colour(pixel(picture, x, 1.0), *colour)
+
+
 def test_every_point_of_a_list_is_a_ball() -> None:
     spheres = marker(Marker.SPHERE_LIST, (0.0, 0.0, 0.0), color=red())
     spheres.points = [Point(x=1.9, y=1.0), Point(x=2.1, y=1.1)]
@@ -148,7 +156,7 @@ def test_what_is_inclined_is_an_error(shape: int) -> None:
         drawn(inclined)
 
 
-@pytest.mark.parametrize("shape", [Marker.ARROW, Marker.LINE_LIST, Marker.TEXT_VIEW_FACING, Marker.MESH_RESOURCE])
+@pytest.mark.parametrize("shape", [Marker.ARROW, Marker.POINTS, Marker.TEXT_VIEW_FACING, Marker.MESH_RESOURCE])
 def test_a_type_that_is_not_drawn_is_an_error(shape: int) -> None:
     with pytest.raises(ValueError, match=f"marker n/0 is of type {shape}, which is not drawn here"):
         drawn(marker(shape, (2.0, 1.0, 0.0)))

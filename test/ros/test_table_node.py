@@ -200,7 +200,7 @@ def test_nothing_is_collected_for_markers_that_nobody_hears(table: TableNode, mo
     def unwanted(*_: object) -> None:
         raise AssertionError("nobody listens")
 
-    monkeypatch.setattr(BallMarkers, "flash", unwanted)
+    monkeypatch.setattr(BallMarkers, "note", unwanted)
     monkeypatch.setattr(BallMarkers, "update", unwanted)
     table.simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
     for _ in range(50):

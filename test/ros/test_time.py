@@ -47,7 +47,7 @@ def tick(node: TableNode, wall: Wall, passed: int = 10 * MS) -> int:
 
 
 def test_stamps_are_the_clock_while_all_balls_rest(wall: Wall, table: TableNode) -> None:
-    for passed in (10 * MS, 7 * MS, 3 * SECOND, 0):
+    for passed in (10 * MS, 7 * MS, 3 * SECOND, 1):
         assert tick(table, wall, passed) == wall.now
 
 
@@ -100,7 +100,7 @@ def test_stamps_never_go_back(make_node: Callable[..., TableNode], wall: Wall, f
     stamps += [tick(node, wall) for _ in range(3)]
     wall.now -= 5 * SECOND  # somebody sets the machine's clock
     stamps += [tick(node, wall) for _ in range(3)]
-    assert min(np.diff(stamps)) >= 0
+    assert min(np.diff(stamps)) > 0  # tf complains of a stamp that comes twice
     assert tick(node, wall, 60 * SECOND) == wall.now
 
 
@@ -200,9 +200,7 @@ def follow(site: Site, client: Client, *given: str) -> tuple[Process, Simulator]
     client.spin_until(lambda: client.at_rest and client.cue.get_subscription_count() == 1)
     client.spin_until(lambda: all(one.service_is_ready() for one in (client._reset, client._pause, client._step)))
     # A clock that has just been found may lose its first message.
-    while not client.poses:
-        simulator.show(1_000 * SECOND)
-        client.spin_once(0.1)
+    client.spin_until(lambda: client.poses or simulator.show(1_000 * SECOND))
     return table, simulator
 
 
@@ -273,10 +271,13 @@ def test_a_running_table_can_be_put_on_another_clock_and_back(site: Site, client
     assert client.set_parameters(use_sim_time=True)[0].successful
     simulator = Simulator(client)
     client.poses.clear()
-    while not any(stamp_ns(one.header.stamp) == 7 * SECOND for one in client.poses):
+
+    def on_the_clock() -> bool:
         simulator.show(7 * SECOND)
-        client.spin_once(0.1)
-    client.spin_once(0.5)
+        return any(stamp_ns(one.header.stamp) == 7 * SECOND for one in client.poses)
+
+    client.spin_until(on_the_clock)
+    client.preview(SOFT)  # nothing is on its way any more
     count = len(client.poses)
     assert stamp_ns(simulator.show_and_wait(8 * SECOND).header.stamp) == 8 * SECOND
     assert len(client.poses) == count + 1

@@ -128,7 +128,7 @@ def break_messages(scene: Scene, shot: Aim, duration: float) -> Iterator[Sent]:
     for tick in range(round(duration * RATE) + 1):
         stamp = round(simulation.time * messages.NANOSECONDS)
         yield tick / RATE, "markers", copy.deepcopy(balls.update(simulation.positions.tolist(), stamp))
-        balls.flash(markers.contact_points(simulation.advance(1.0 / RATE)))
+        balls.note(simulation.advance(1.0 / RATE))
 
 
 def preview_messages(scene: Scene, shot: Aim) -> Iterator[Sent]:

@@ -65,7 +65,7 @@ def draw(axes: Axes, shown: Iterable[Marker], view: View) -> None:
         name = f"marker {marker.ns}/{marker.id}"
         if marker.header.frame_id != view.frame:
             raise ValueError(f"{name} is in frame {marker.header.frame_id!r}, not {view.frame!r}")
-        if marker.type == Marker.LINE_STRIP:
+        if marker.type in (Marker.LINE_STRIP, Marker.LINE_LIST):
             _draw_line(axes, marker, dots_per_metre)
         elif marker.type in SHAPES:
             for point in marker.points if marker.type == Marker.SPHERE_LIST else [Point()]:
@@ -91,9 +91,11 @@ def _draw_line(axes: Axes, marker: Marker, dots_per_metre: float) -> None:
     points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
     colours = marker.colors or [marker.color] * len(points)
     ends = np.array([_rgba(colour) for colour in colours]).reshape(-1, 4)
+    first = slice(0, -1) if marker.type == Marker.LINE_STRIP else slice(0, None, 2)
+    second = slice(1, None) if marker.type == Marker.LINE_STRIP else slice(1, None, 2)
     lines = LineCollection(
-        list(np.stack((points[:-1], points[1:]), axis=1)),
-        colors=0.5 * (ends[:-1] + ends[1:]),
+        list(np.stack((points[first], points[second]), axis=1)),
+        colors=0.5 * (ends[first] + ends[second]),
         linewidths=marker.scale.x * dots_per_metre,
         zorder=max((point.z for point in marker.points), default=0.0),
     )
