@@ -152,6 +152,7 @@ def reflect(state: State, constants: Constants, count: int) -> None:
         if top <= stopped:
             return
         for _ in range(MAX_SWEEPS):
+            state.clock[0].work += count
             worst = 0.0
             for c in range(count):
                 row = state.impacts[c]

@@ -233,6 +233,7 @@ def _settle(state: State, constants: Constants, i: int, now: float) -> None:
         _end_micro_slip(balls[member], constants)
     _set_normals(state, contacts, 0.0)
     for _ in range(MAX_ITERATIONS):
+        state.clock[0].work += contacts
         worst = 0.0
         for c in range(contacts):
             contact = state.contacts[c]
@@ -399,6 +400,7 @@ def _solve_pushes(state: State, constants: Constants, contacts: int, count: int,
             _push(state.balls[contact.second], -fx, -fy, constants)
     enough = max(PUSH_TOLERANCE, GAP_TOLERANCE / (step * step)) if step > 0.0 else PUSH_TOLERANCE
     for _ in range(MAX_ITERATIONS):
+        state.clock[0].work += contacts
         worst = 0.0
         for c in range(contacts):
             contact = state.contacts[c]

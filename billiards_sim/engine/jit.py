@@ -13,7 +13,6 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Sequence
-from copy import copy
 from dataclasses import fields
 from functools import cache
 from itertools import chain
@@ -61,7 +60,7 @@ def rows(kind: type[Row], count: int) -> Sequence[Row]:
 def join_rows(tables: Sequence[Any]) -> Any:
     """The records of several tables in one table, which shares nothing with them."""
     if not COMPILED:
-        return [copy(row) for row in chain.from_iterable(tables)]
+        return [type(row)(*as_tuple(row)) for row in chain.from_iterable(tables)]
     # As bytes: NumPy copies records field by field, which takes ten times longer.
     return np.frombuffer(bytearray(b"".join(table.tobytes() for table in tables)), tables[0].dtype)
 
@@ -73,7 +72,7 @@ def copy_rows(table: Any) -> Any:
 
 def take_rows(table: Any, indices: NDArray[np.intp]) -> Any:
     """Copies of the records with these indices, (rows,), which may repeat."""
-    return table[indices] if COMPILED else [copy(table[index]) for index in indices.tolist()]
+    return table[indices] if COMPILED else copy_rows([table[index] for index in indices.tolist()])
 
 
 def table_of(record: Row) -> Sequence[Row]:
@@ -127,7 +126,10 @@ def set_columns(table: Sequence[Any], fields: Sequence[str], values: NDArray[Any
 
 @cache
 def _values(kind: type[Any]) -> Callable[[Any], tuple[Any, ...]]:
-    return attrgetter(*(field.name for field in fields(kind)))
+    names = [field.name for field in fields(kind)]
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda record: (getattr(record, names[0]),)
 
 
 @cache

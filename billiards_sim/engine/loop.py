@@ -16,22 +16,29 @@ DONE = 0
 """No event is left before the time asked for."""
 
 PAUSED = 1
-"""The batch is full; there is more to do."""
+"""The work allowed is done, or the log is full; there may be more to do."""
 
 CONTACTS_PER_BALL = 5
 """At most: equal discs have at most three contacts with others each, counted once, and two rails."""
 
 
 @entry
-def run_until(state: State, constants: Constants, until: float, batch: int) -> int:
-    """Let every event up to and including a time happen, at most `batch` of them; returns DONE or PAUSED."""
+def run_until(state: State, constants: Constants, until: float, taken: int, work: int) -> int:
+    """Let every event up to and including a time happen, until so much work is done; returns DONE or PAUSED.
+
+    `taken` is the number of events since the clock was at 0 that have been copied from the log: once all of them are,
+    the log begins again.
+    """
     clock = state.clock[0]
+    if taken == clock.logged:
+        clock.events = 0
     room = len(state.log) - (CONTACTS_PER_BALL + 1) * len(state.balls)  # the most that happens at one instant
     if not clock.begun:
         clock.begun = True
         enter_all(state, constants)
     _resume(state, constants, clock.now)
-    for _ in range(batch):
+    enough = clock.work + work
+    while clock.work < enough:
         i = state.nodes[1].ball
         ball = state.balls[i]
         now = ball.event_time
@@ -41,6 +48,7 @@ def run_until(state: State, constants: Constants, until: float, batch: int) -> i
             return PAUSED
         clock.now = now
         clock.passes += 1
+        clock.work += 1
         if ball.hit_time == now and ball.hit == NOBODY:
             predict_pairs(state, constants, i, now)
         elif ball.hit_time == now:
@@ -194,6 +202,7 @@ def _log_event(
 ) -> None:
     event = state.log[state.clock[0].events]
     state.clock[0].events += 1
+    state.clock[0].logged += 1
     event.time = now
     event.kind = kind
     event.first = first

@@ -3,6 +3,10 @@
 
 The kernels' clock is at 0 at the start, and again at every shot at resting balls. So the same shot from the same state
 gives the same bits whatever the time of the table, and no bit of a short time is lost to a long one.
+
+An exception from a signal's handler can come between any two steps of Python. Whatever the moment it finds, the next
+call goes on from there: compiled kernels are one step, interpreted ones work on a copy; what is kept beside them is
+replaced as a whole; and the events that were taken from the log are told by their number.
 """
 
 from __future__ import annotations
@@ -13,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from billiards_sim.engine.jit import columns, copy_rows, get_field, rows, set_columns
+from billiards_sim.engine.jit import COMPILED, columns, copy_rows, get_field, rows, set_columns
 from billiards_sim.engine.loop import CONTACTS_PER_BALL
 from billiards_sim.engine.orientation import Turn, turn_all
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.state import (
     AT_REST,
+    INF,
     ROLLING,
     SLIDING,
     Ball,
@@ -48,6 +53,14 @@ def inner_time(time: float, epoch: float) -> float:
     return inner
 
 
+class Mark(NamedTuple):
+    """Where progress is measured from."""
+
+    passes: int  # of the event loop
+    time: float  # s, of the kernels' clock
+    speed: float  # m/s, which no ball can have exceeded since, nor its rim by rolling or sliding
+
+
 class Moment(NamedTuple):
     """Where a simulation is. The kernels go on with `state` and `turns` in place; the rest is replaced."""
 
@@ -56,7 +69,9 @@ class Moment(NamedTuple):
     epoch: float = 0.0  # s, time of the table when the kernels' clock was at 0
     asked: float = 0.0  # s, of the kernels' clock: until where it was asked to go
     rest: float = 0.0  # s, what rounding keeps out of `asked`, so that a thousand steps of 0.001 s make one of 1 s
+    taken: int = 0  # number of events, since the kernels' clock was at 0, that are copied from their log
     pending: tuple[Sequence[Record], ...] = ()  # events, at times of the table, that no call has handed over yet
+    mark: Mark | None = None  # where progress is measured from
     last_shot: tuple[Moment, Shot] | None = None  # and the moment at which it was made
 
     @property
@@ -82,12 +97,41 @@ class Moment(NamedTuple):
         asked = inner_time(time, self.epoch)
         return asked, math.fsum((time, -self.epoch, -asked))
 
-    def on_the_table(self, events: Sequence[Record]) -> Sequence[Record]:
-        """A copy of events, from times of the kernels' clock to times of the table."""
-        events = copy_rows(events)
+    def with_log_taken(self) -> Moment:
+        """One that has the events of the kernels' log among the pending ones, at times of the table."""
+        logged = get_field(self.state.clock, 0, "logged")
+        if logged == self.taken:
+            return self
+        count = get_field(self.state.clock, 0, "events")
+        events = copy_rows(self.state.log[:count])  # the log began again when all before were taken
         if self.epoch != 0.0:
             set_columns(events, ("time",), self.epoch + columns(events, "time"))
-        return events
+        return self._replace(taken=logged, pending=(*self.pending, events))
+
+    def is_idle(self, until: float) -> bool:
+        """Whether the kernels have nothing to do up to a time of their clock, s."""
+        state = self.state
+        if not get_field(state.clock, 0, "begun") or get_field(state.clock, 0, "changed"):
+            return False
+        first = get_field(state.nodes, 1, "ball")
+        next_event = get_field(state.balls, first, "event_time")
+        return bool(next_event > until or next_event == INF)
+
+    def to_work_on(self) -> Moment:
+        """What the kernels go on with: where they are interpreted, and can be left half way, a copy without scratch."""
+        if COMPILED:
+            return self
+        state = self.state
+        contacts = get_field(state.clock, 0, "contacts")
+        copy = state._replace(
+            balls=copy_rows(state.balls),
+            cells=copy_rows(state.cells),
+            nodes=copy_rows(state.nodes),
+            changed=copy_rows(state.changed),
+            contacts=[*copy_rows(state.contacts[:contacts]), *state.contacts[contacts:]],
+            clock=copy_rows(state.clock),
+        )
+        return self._replace(state=copy, turns=copy_rows(self.turns))
 
 
 def start(scene: Scene, constants: Constants) -> Moment:
@@ -115,7 +159,7 @@ def start(scene: Scene, constants: Constants) -> Moment:
 
 
 def begun_anew(moment: Moment) -> Moment:
-    """The same on the table, all balls at rest, as a start: the kernels' clock at 0, nothing predicted."""
+    """The same on the table, balls at rest and the log taken, as a start: the kernels' clock at 0, no predictions."""
     balls = rows(Ball, len(moment.state.balls))
     set_columns(balls, ("x", "y", "wz"), columns(moment.state.balls, "x", "y", "wz"))
     state = moment.state._replace(balls=balls, clock=rows(Clock, 1))
@@ -123,11 +167,11 @@ def begun_anew(moment: Moment) -> Moment:
     if len(turns):
         turn_all(turns, moment.inner)
         set_columns(turns, ("time",), np.zeros((len(turns), 1)))
-    return moment._replace(state=state, turns=turns, epoch=moment.time, asked=0.0, rest=0.0)
+    return moment._replace(state=state, turns=turns, epoch=moment.time, asked=0.0, rest=0.0, taken=0, mark=None)
 
 
 def copied(moment: Moment) -> Moment:
-    """One that shares nothing that changes; what is scratch is made anew."""
+    """The log taken, one that shares nothing that changes; what is scratch is made anew."""
     state = moment.state
     count = len(state.balls)
     return moment._replace(

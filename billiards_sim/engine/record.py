@@ -211,5 +211,8 @@ def record(simulation: Simulation, until: float | None = None) -> Run:
     scene, start = simulation.start_scene, simulation.time
     orientations = simulation.orientations if scene.track_orientation else None
     recorder = Recorder(len(scene))
-    events = simulation.run(until, recorder)
-    return Run(scene, recorder, events, start, simulation.time, orientations)
+    twin = simulation.copy()  # so that an interrupt leaves all to be recorded again
+    events = twin.run(until, recorder)
+    run = Run(scene, recorder, events, start, twin.time, orientations)
+    simulation.restore(twin.snapshot())
+    return run

@@ -179,9 +179,11 @@ def predict_pairs(state: State, constants: Constants, i: int, now: float) -> Non
     mine.horizon = min(mine.phase_end, mine.rail_time, mine.border_time)
     best = INF
     partner = NOBODY
+    looks = 0
     j = first_neighbour(state, constants, i)
     while j != NOBODY:
         other = state.balls[j]
+        looks += 1
         time = INF
         if j != i and (moving or other.phase != AT_REST):
             other_x, other_y = place_at(other, now)
@@ -209,6 +211,7 @@ def predict_pairs(state: State, constants: Constants, i: int, now: float) -> Non
         elif other.hit == i and time > other.hit_time:
             other.hit = NOBODY
         j = next_neighbour(state, constants, i, j)
+    state.clock[0].work += looks
     mine.hit_time = best
     mine.hit = partner
     reschedule(state, i)

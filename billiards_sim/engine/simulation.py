@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import starmap
+from time import perf_counter
 from typing import overload
 
 import numpy as np
@@ -20,6 +21,7 @@ from billiards_sim.engine.cue import Strike, strike
 from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
 from billiards_sim.engine.jit import (
+    COMPILED,
     as_tuple,
     columns,
     copy_rows,
@@ -30,7 +32,7 @@ from billiards_sim.engine.jit import (
     table_of,
 )
 from billiards_sim.engine.loop import PAUSED, run_until
-from billiards_sim.engine.moment import Moment, begun_anew, copied, start
+from billiards_sim.engine.moment import Mark, Moment, begun_anew, copied, start
 from billiards_sim.engine.orientation import turn_all
 from billiards_sim.engine.quantity import listed
 from billiards_sim.engine.scene import Scene, Shot
@@ -44,14 +46,18 @@ from billiards_sim.engine.state import (
     Record,
     constants,
 )
-from billiards_sim.engine.trajectory import Recorder, blank_tape, run_followed
+from billiards_sim.engine.trajectory import Recorder, Tape, blank_tape, run_followed
 
-BATCH = 100_000
-"""Passes of the event loop between two looks at the progress of the clock."""
+BATCH = 50_000 if COMPILED else 5_000
+"""Work of one call of the kernels: some milliseconds compiled, some tens interpreted. Signals are heard between two."""
 
 EVENT_BUDGET = 1_000_000
-"""Passes of the event loop until which the fastest ball must have come further than its radius. A break takes a few
-hundred in all, the worst cluster of balls pressed together some ten thousand."""
+"""Passes of the event loop that must lead further than `STALL_TIME` or a ball's radius. A break takes a few hundred in
+all, the worst cluster of balls pressed together some ten thousand."""
+
+STALL_TIME = 1.0
+"""s. A run that goes on by so much goes on, even if nothing moves by a radius meanwhile: a ball that friction of 1e-6
+holds at a rail, step by step. A million passes take about as long on the wall clock."""
 
 
 class StallError(RuntimeError):
@@ -217,11 +223,11 @@ class Simulation:
 
     def copy(self) -> Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
-        return self._at(copied(self._now))
+        return self._at(copied(self._now.with_log_taken()))
 
     def snapshot(self) -> Snapshot:
         """The present state, to `restore` later, as often as wanted."""
-        return Snapshot(self._scene, copied(self._now))
+        return Snapshot(self._scene, copied(self._now.with_log_taken()))
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a state of this simulation or of a copy of it.
@@ -253,7 +259,7 @@ class Simulation:
             raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
         index = self._scene.names.index(ball)
         struck = strike(force, offset, self._scene.physics)
-        before = self._now
+        before = self._now.with_log_taken()
         if get_field(before.state.balls, index, "phase") != AT_REST:
             speed = float(np.hypot(*self.velocities[index]))
             raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
@@ -320,27 +326,35 @@ class Simulation:
         shot = Aim(speed, azimuth, side, up, elevation).shot(self._scene.physics, ball)
         self.strike(shot.force, shot.offset, shot.ball)
 
-    def advance(self, duration: float) -> EventLog:
+    def advance(self, duration: float, budget: float | None = None) -> EventLog:
         """Go on by exactly `duration` s, however many events fall inside; returns these events.
 
+        Args:
+            budget: s of the wall clock after which the call gives way: it then returns at an event, `time` says at
+                which, and later calls go on from there with the same bits. It is looked at after every few
+                milliseconds of work, some tens where the engine is interpreted. None: no bound.
+
         Raises:
-            ValueError: `duration` is negative or not finite.
+            ValueError: `duration` or `budget` is negative or not finite.
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be a finite number >= 0 (s), got {duration!r}")
         asked, rest = self._now.after(duration)
-        self._play(asked)
-        return self._hand_over(asked, rest)
+        played = self._play(asked, budget)
+        self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
+        return events
 
-    def run(self, until: float | None = None, recorder: Recorder | None = None) -> EventLog:
+    def run(
+        self, until: float | None = None, recorder: Recorder | None = None, *, budget: float | None = None
+    ) -> EventLog:
         """Go on until every ball rests, or until a time, s; returns the events.
 
         Without `until` the clock stops at the last event. A recorder takes down how every ball moves; `record` makes
-        use of it.
+        use of it. With a `budget` the call may give way before, as `advance` does.
 
         Raises:
             ValueError: `until` is not finite or has passed; or, without it, there is no friction to bring the balls
-                to rest.
+                to rest; `budget` is negative or not finite.
         """
         if until is None:
             physics = self._scene.physics
@@ -349,13 +363,15 @@ class Simulation:
                     f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                     f"{physics.rolling_friction:g}: give run() a time `until`"
                 )
-            self._play(INF, recorder)
-            return self._hand_over(self._now.asked, self._now.rest)
-        if not (math.isfinite(until) and until >= self.time):
-            raise ValueError(f"until must be a finite time >= now, {self.time:.9g} s, got {until!r}")
-        asked, rest = self._now.at(float(until))
-        self._play(asked, recorder)
-        return self._hand_over(asked, rest)
+            self._play(INF, budget, recorder)
+            played = False  # no further than the last event
+        else:
+            if not (math.isfinite(until) and until >= self.time):
+                raise ValueError(f"until must be a finite time >= now, {self.time:.9g} s, got {until!r}")
+            asked, rest = self._now.at(float(until))
+            played = self._play(asked, budget, recorder)
+        self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
+        return events
 
     @property
     def _centre(self) -> NDArray[np.float64]:
@@ -391,42 +407,64 @@ class Simulation:
                 way = min(way, contact_time(px, py, *struck.displacement, 0.0, 0.0, 1.0, diameter, 0.0))
         return way
 
-    def _play(self, until: float, recorder: Recorder | None = None) -> None:
-        # Up to a time of the kernels' clock. The events wait.
-        now = self._now
-        clock = now.state.clock
-        followed = recorder is not None or self._scene.track_orientation
+    def _play(self, until: float, budget: float | None, recorder: Recorder | None = None) -> bool:
+        # Up to a time of the kernels' clock, while the budget lasts; returns whether it did. The events wait.
+        if budget is not None and not (math.isfinite(budget) and budget >= 0.0):
+            raise ValueError(f"budget must be a finite number >= 0 (s), got {budget!r}")
+        deadline = INF if budget is None else perf_counter() + budget
+        tape = None
         if recorder is not None:
-            recorder.epoch = now.epoch
-        tape = recorder.tape if recorder is not None else blank_tape(0) if followed else None
-        passes, time = get_field(clock, 0, "passes"), get_field(clock, 0, "now")
-        while True:
-            if tape is not None:
-                status = run_followed(now.state, now.turns, tape, self._constants, until, BATCH)
-            else:
-                status = run_until(now.state, self._constants, until, BATCH)
-            count = get_field(clock, 0, "events")
-            if count > 0:
-                now = now._replace(pending=(*now.pending, now.on_the_table(now.state.log[:count])))
-                set_fields(clock, 0, events=0)
-                self._now = now
+            recorder.epoch, tape = self._now.epoch, recorder.tape
+        elif self._scene.track_orientation:
+            tape = blank_tape(0)
+        self._now = self._now.with_log_taken()
+        while not self._play_batch(until, tape):
+            self._check_progress()
             if recorder is not None:
                 recorder.unload()
-            if status != PAUSED:
-                return
-            done = get_field(clock, 0, "passes") - passes
-            if done >= EVENT_BUDGET:
-                speeds = np.hypot(*columns(now.state.balls, "vx", "vy").T)
-                gone = get_field(clock, 0, "now")
-                if (gone - time) * float(speeds.max()) < self._scene.physics.radius:
-                    reason = f"no progress: {done} steps from {time!r} to {gone!r} s"
-                    raise StallError(reason, self._origin(), self._hand_over(now.asked, now.rest))
-                passes, time = passes + done, gone
+            if budget is not None and perf_counter() >= deadline:
+                return False
+        if recorder is not None:
+            recorder.unload()
+        return True
 
-    def _hand_over(self, asked: float, rest: float) -> EventLog:
-        now = self._now
-        self._now = now._replace(asked=asked, rest=rest, pending=())
-        return EventLog(_joined(now.pending), self._scene)
+    def _play_batch(self, until: float, tape: Tape | None) -> bool:
+        # Returns whether nothing is left to do.
+        if tape is None and self._now.is_idle(until):
+            return True
+        work = self._now.to_work_on()
+        if tape is None:
+            status = run_until(work.state, self._constants, until, work.taken, BATCH)
+        else:
+            status = run_followed(work.state, work.turns, tape, self._constants, until, work.taken, BATCH)
+        self._now = work.with_log_taken()
+        return status != PAUSED
+
+    def _check_progress(self) -> None:
+        # A radius by its fastest ball, or `STALL_TIME`, within EVENT_BUDGET passes. Energy only falls, so what it was
+        # at the mark bounds every speed since.
+        passes = get_field(self._now.state.clock, 0, "passes")
+        time = get_field(self._now.state.clock, 0, "now")
+        mark = self._now.mark
+        if mark is not None and passes - mark.passes < EVENT_BUDGET:
+            return
+        spins = self.angular_velocities * (1.0, 1.0, 0.0)  # that about the vertical moves nothing
+        energy = self._scene.physics.kinetic_energy(self.velocities, spins)
+        self._now = self._now._replace(mark=Mark(passes, time, math.sqrt(2.0 * energy / self._scene.physics.mass)))
+        if mark is None:
+            return
+        gone = time - mark.time
+        if gone < STALL_TIME and gone * mark.speed < self._scene.physics.radius:
+            reason = f"no progress: {passes - mark.passes} steps from {mark.time!r} to {time!r} s after the last shot"
+            now, events = self._handing_over(self._now.asked, self._now.rest)
+            error = StallError(reason, self._origin(), events)
+            self._now = now
+            raise error
+
+    def _handing_over(self, asked: float, rest: float) -> tuple[Moment, EventLog]:
+        # The moment after it, and the events.
+        pending = self._now.pending
+        return self._now._replace(asked=asked, rest=rest, pending=()), EventLog(_joined(pending), self._scene)
 
 
 def _joined(tables: Sequence[Sequence[Record]]) -> Sequence[Record]:

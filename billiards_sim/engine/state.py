@@ -127,9 +127,11 @@ class Clock:
     begun: bool = False
     now: float = 0.0  # s, the last event
     passes: int = 0  # of the event loop
+    work: int = 0  # looks at another ball or at a contact, and passes: what takes the kernels their time
     changed: int = 0  # number of balls whose motion has changed
     contacts: int = 0  # number of sustained contacts
     events: int = 0  # number of events in the log
+    logged: int = 0  # number of events since the clock was at 0
 
 
 @dataclass(slots=True)

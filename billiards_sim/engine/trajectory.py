@@ -92,21 +92,23 @@ class Recorder:
 
 @entry
 def run_followed(
-    state: State, turns: Sequence[Turn], tape: Tape, constants: Constants, until: float, batch: int
+    state: State, turns: Sequence[Turn], tape: Tape, constants: Constants, until: float, taken: int, work: int
 ) -> int:
     """What `run_until` does, with orientations that follow every ball's motion and arcs that are written down."""
-    run_until(state, constants, until, 0)
+    run_until(state, constants, until, taken, 0)
     follow(state, turns)
     _write(state, tape)
     room = len(tape.arcs) - len(tape.latest)
-    for _ in range(batch):
+    clock = state.clock[0]
+    enough = clock.work + work
+    while clock.work < enough:
         if tape.spool[0].arcs > room:
             return PAUSED
-        passes = state.clock[0].passes
-        status = run_until(state, constants, until, 1)
+        passes = clock.passes
+        status = run_until(state, constants, until, taken, 1)
         follow(state, turns)
         _write(state, tape)
-        if status != PAUSED or state.clock[0].passes == passes:
+        if status != PAUSED or clock.passes == passes:
             return status
     return PAUSED
 

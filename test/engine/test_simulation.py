@@ -359,3 +359,54 @@ def test_stall_without_a_shot_gives_the_scene_itself(monkeypatch: pytest.MonkeyP
         bs.Simulation(scene).run()
     Path(str(stall.value.path)).unlink()
     assert stall.value.scene is scene
+
+
+def test_stall_tells_plain_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulation_module, "BATCH", 1)
+    monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    break_shot(simulation)
+    with pytest.raises(bs.StallError, match=r"^no progress: 5 steps from \d\.\d+ to \d\.\d+ s after") as stall:
+        simulation.run()
+    Path(str(stall.value.path)).unlink()
+
+
+def test_stall_is_noticed_across_calls_that_give_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulation_module, "BATCH", 1)
+    monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    break_shot(simulation)
+    with pytest.raises(bs.StallError) as stall:
+        for _ in range(200):
+            simulation.advance(1.0, budget=0.0)
+    Path(str(stall.value.path)).unlink()
+    assert 0.1 < simulation.time < 0.3
+
+
+@pytest.mark.parametrize("friction, spin", [(1e-6, 10.0), (0.2, 1e9)])
+def test_ball_that_is_held_where_it_is_while_time_goes_on_is_no_stall(
+    friction: float, spin: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Its spin into the rail lasts R w / (5/2 mu g), 1e4 to 6e6 s, in steps of a second at most.
+    monkeypatch.setattr(simulation_module, "BATCH", 10)
+    monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 100)
+    scene = bs.Scene(
+        [[TABLE.x_max - RADIUS, 0.6]], None, [[0.0, spin, 0.0]], physics=bs.Physics(sliding_friction=friction)
+    )
+    simulation = bs.Simulation(scene)
+    simulation.run(until=2000.0)
+    assert simulation.positions[0, 0] == pytest.approx(TABLE.x_max - RADIUS, abs=1e-9)
+    assert simulation.angular_velocities[0, 1] == pytest.approx(spin - 2.5 * friction * 9.81 / RADIUS * 2000.0)
+
+
+def test_balls_that_are_slow_are_given_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Two balls that roll along a rail, apart, at a micrometre a second: no step leads them anywhere near a radius.
+    monkeypatch.setattr(simulation_module, "BATCH", 1)
+    monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 2)
+    physics = bs.Physics(rolling_friction=1e-9)
+    speed = 1e-6
+    scene = bs.Scene([[0.5, 0.6], [0.9, 0.6]], [[speed, 0.0]] * 2, [[0.0, speed / RADIUS, 0.0]] * 2, physics=physics)
+    simulation = bs.Simulation(scene)
+    simulation.run()
+    assert simulation.at_rest
+    assert simulation.positions[0, 0] - 0.5 == pytest.approx(speed**2 / (2.0 * 1e-9 * 9.81), rel=1e-6)
