@@ -22,6 +22,10 @@ SLICE = 0.05
 GROWTH = 1.0
 """Later slices in shares of the time since the shot: few slices are quick."""
 
+PIECE = 0.01
+"""s of the wall clock after which the engine gives way at the latest: some ten thousand events, before the bounds are
+looked at again."""
+
 HORIZON = 60.0
 """s of simulated time after which a preview ends, for tables whose balls hardly come to rest."""
 
@@ -73,7 +77,7 @@ class Prediction:
         self._lay = [(self._start, x, y) for x, y in self._twin.positions.tolist()]
         self._twin.strike(shot.force, shot.offset, shot.ball)
         self._recorder = Recorder(len(self._lay))
-        self._log = self._twin.run(self._start, self._recorder)
+        self._log = self._twin.run(self._start, self._recorder, budget=0.0)
         self._work = 0.0  # s
 
     @property
@@ -95,7 +99,7 @@ class Prediction:
         while not self._ended and self._work - before < budget:
             elapsed = self._twin.time - self._start
             until = self._start + min(elapsed + max(SLICE, GROWTH * elapsed), HORIZON)
-            self._log += self._twin.run(max(until, self._twin.time), self._recorder)
+            self._log += self._twin.run(max(until, self._twin.time), self._recorder, budget=PIECE)
             self._work = before + time.monotonic() - began
         return self._preview() if self._ended else None
 

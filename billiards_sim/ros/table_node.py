@@ -61,6 +61,13 @@ LOST_TIME_TOLD = 0.1
 """s by which the stamps of a shot fall behind the clock before the log tells: what those who look up transforms
 commonly allow for (`transform_tolerance`)."""
 
+WORK_BUDGET = 0.02
+"""s of the wall clock after which the engine gives way to a tick's messages, to requests and to signals. The first tick
+of a break needs 0.1 ms of it, or 10 ms where the engine is interpreted."""
+
+TIME_ROUNDING = 1e-9
+"""s of simulated time by which a tick may end early without having given way: rounding up to table times of 1e6 s."""
+
 LOG_PERIOD = 1.0
 """s between two warnings of one kind in the log; every refusal is answered on its topic."""
 
@@ -185,10 +192,12 @@ class TableNode(Node):
             self.get_logger().warning(f"parameter {name!r} names no topic or policy of this node")
 
     def advance(self, duration: float) -> None:
-        """Go on by `duration` s of simulated time and publish the state."""
-        rested, stamp = self._simulation.at_rest, self._stamp()
+        """Go on by `duration` s of simulated time, or by as much as `WORK_BUDGET` allows, and publish the state."""
+        rested, stamp, until = self._simulation.at_rest, self._stamp(), self._simulation.time + duration
         try:
-            self._publisher.events(self._simulation.advance(duration), self._stamps)
+            self._publisher.events(self._simulation.advance(duration, budget=WORK_BUDGET), self._stamps)
+            missing = until - self._simulation.time
+            self._lost_time += missing if missing > TIME_ROUNDING else 0.0
         except StallError as error:
             self.get_logger().error(f"the table goes back to the start of its scene: {error}")
             self._publisher.events(error.events, self._stamps)
@@ -206,7 +215,7 @@ class TableNode(Node):
             ValueError: the new scene cannot be put on the table. Nothing changes then.
         """
         # Of a shot that no tick has followed yet:
-        self._publisher.events(self._simulation.advance(0.0), self._stamps)
+        self._publisher.events(self._simulation.advance(0.0, budget=WORK_BUDGET), self._stamps)
         if self._after_reset is not self._settings:
             self._adopt_scene(self._after_reset)
         self._restart()
