@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """billiards_sim: a billiards table as a ROS 2 node over an exact, event-driven physics engine.
 
-The names below are the engine; importing them needs NumPy alone. The node is in `billiards_sim.ros`.
+The names below are the engine; they need NumPy alone. The node is in `billiards_sim.ros`.
+
+A name is imported when it is first used: an executable must be able to answer signals before NumPy and Numba load,
+which takes half a second.
 """
 
-from billiards_sim.engine import scenes
-from billiards_sim.engine.events import Event
-from billiards_sim.engine.physics import Physics
-from billiards_sim.engine.record import Run, record
-from billiards_sim.engine.scene import Scene, Shot
-from billiards_sim.engine.scene_file import load_scene, save_scene
-from billiards_sim.engine.simulation import Simulation, StallError
-from billiards_sim.engine.table import Table
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from billiards_sim.engine import scenes
+    from billiards_sim.engine.events import Event
+    from billiards_sim.engine.physics import Physics
+    from billiards_sim.engine.record import Run, record
+    from billiards_sim.engine.scene import Scene, Shot
+    from billiards_sim.engine.scene_file import load_scene, save_scene
+    from billiards_sim.engine.simulation import Simulation, StallError
+    from billiards_sim.engine.table import Table
 
 __all__ = [
     "Event",
@@ -27,3 +36,30 @@ __all__ = [
     "save_scene",
     "scenes",
 ]
+
+_HOMES = {
+    "Event": "events",
+    "Physics": "physics",
+    "Run": "record",
+    "Scene": "scene",
+    "Shot": "scene",
+    "Simulation": "simulation",
+    "StallError": "simulation",
+    "Table": "table",
+    "load_scene": "scene_file",
+    "record": "record",
+    "save_scene": "scene_file",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home = import_module(f"{__name__}.engine.{_HOMES.get(name, name)}")
+    value = home if name not in _HOMES else getattr(home, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,33 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m billiards_sim NAME ...` runs the executable NAME, as `ros2 run billiards_sim NAME ...` does."""
+"""`python3 -m billiards_sim NAME ...` runs the executable NAME, as `ros2 run billiards_sim NAME ...` does.
+
+Nothing that takes time is imported before signals are taken care of.
+"""
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import sys
-from dataclasses import dataclass
-from typing import Any
-
-from billiards_sim.command_line import USAGE_ERROR
+from typing import Any, NamedTuple
 
 
-@dataclass(frozen=True)
-class Executable:
+class Executable(NamedTuple):
     """Where an executable's `main(arguments) -> exit code` lives, and what it is for."""
 
     module: str
     help: str
     needs_ros: bool = False
+    stopped: int = 1
+    """Exit code where a signal ends it."""
 
 
 EXECUTABLES = {
-    "table": Executable("billiards_sim.ros.table_node", "the ROS 2 node: a table to shoot on", needs_ros=True),
-    "shoot": Executable(
-        "billiards_sim.ros.tools.shoot", "send the table a cue shot, print its verdict", needs_ros=True
-    ),
-    "demo": Executable("billiards_sim.ros.tools.demo", "break a rack over ROS 2 and print it", needs_ros=True),
+    "table": Executable("billiards_sim.ros.table_node", "the ROS 2 node: a table to shoot on", True, stopped=0),
+    "shoot": Executable("billiards_sim.ros.tools.shoot", "send the table a cue shot, print its verdict", True),
+    "demo": Executable("billiards_sim.ros.tools.demo", "break a rack over ROS 2 and print it", True),
     "simulate": Executable("billiards_sim.study.simulate", "run a scene without ROS: numbers, pictures, movies"),
     "benchmark": Executable("billiards_sim.study.benchmark", "measure speed against error"),
 }
@@ -38,21 +36,18 @@ def run(name: str, arguments: list[str]) -> int:
 
     Its module is imported only here, so that each executable needs only its own dependencies.
     """
-    _leave_quietly_on_signals()
-    executable = EXECUTABLES[name]
-    try:
-        main = importlib.import_module(executable.module).main
-    except ImportError as error:
-        # A module of this package that cannot be imported is a defect: that traceback must be seen.
-        if not executable.needs_ros or (error.name or "").startswith("billiards_sim"):
-            raise
-        print(
-            f"{name}: ROS 2 is not there ({error}): source your ROS installation, or pip install 'billiards_sim[ros]'",
-            file=sys.stderr,
-        )
-        return USAGE_ERROR
-    code: int = main(arguments)
-    return code
+    _leave_quietly_on_signals(name)
+    from billiards_sim.command_line import run_to_end, shut_out_signals
+
+    def play() -> int:
+        code: int = _main_of(name, arguments)(arguments)
+        shut_out_signals()
+        return code
+
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # names that a terminal cannot show
+    return run_to_end(name, play)
 
 
 def table() -> int:
@@ -77,31 +72,61 @@ def benchmark() -> int:
 
 def main() -> int:
     """Entry point of `python3 -m billiards_sim`."""
+    name, *arguments = sys.argv[1:] or [""]
+    if name in EXECUTABLES:
+        return run(name, arguments)
+    from billiards_sim.command_line import run_to_end
+
+    return run_to_end("billiards_sim", lambda: _explain(name))
+
+
+def _explain(name: str) -> int:
+    from billiards_sim.command_line import Refusal, say
+
     names = ", ".join(EXECUTABLES)
-    if len(sys.argv) < 2:
-        print(f"billiards_sim: which executable? one of {names}", file=sys.stderr)
-        return USAGE_ERROR
-    name, *arguments = sys.argv[1:]
-    if name in ("-h", "--help"):
-        print("usage: python3 -m billiards_sim NAME [arguments]\n")
-        for key, executable in EXECUTABLES.items():
-            print(f"  {key:10} {executable.help}")
-        print("\nNAME --help explains each.")
-        return 0
-    if name not in EXECUTABLES:
-        print(f"billiards_sim: no executable {name!r}, choose one of {names}", file=sys.stderr)
-        return USAGE_ERROR
-    return run(name, arguments)
+    if not name:
+        raise Refusal(f"which executable? one of {names}")
+    if name not in ("-h", "--help"):
+        raise Refusal(f"no executable {name!r}, choose one of {names}")
+    lines = (f"  {key:10} {executable.help}" for key, executable in EXECUTABLES.items())
+    say("\n".join(("usage: python3 -m billiards_sim NAME [arguments]\n", *lines, "\nNAME --help explains each.")))
+    return 0
 
 
-def _leave_quietly_on_signals() -> None:
+def _main_of(name: str, arguments: list[str]) -> Any:
+    import importlib
+
+    from billiards_sim.command_line import Refusal
+
+    for argument in arguments:
+        try:
+            argument.encode("utf-8")
+        except UnicodeEncodeError:
+            raise Refusal(f"arguments must be UTF-8, got {os.fsencode(argument)!r}") from None
+    executable = EXECUTABLES[name]
+    try:
+        return importlib.import_module(executable.module).main
+    except ImportError as error:
+        # A module of this package that cannot be imported is a defect: that traceback must be seen.
+        if not executable.needs_ros or (error.name or "").startswith("billiards_sim"):
+            raise
+        raise Refusal(
+            f"ROS 2 is not there ({error}): source your ROS installation, or pip install 'billiards_sim[ros]'"
+        ) from None
+
+
+def _leave_quietly_on_signals(name: str) -> None:
     # Holds while modules load and kernels compile; what runs later installs its own handlers.
-    def leave(*_: Any) -> None:
-        sys.stdout.flush()
-        os._exit(0)
+    code = EXECUTABLES[name].stopped
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, leave)
+    def leave(*_: Any) -> None:
+        if code != 0:
+            os.write(2, f"{name}: stopped\n".encode())
+        os._exit(code)
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # by nohup
+            signal.signal(number, leave)
 
 
 if __name__ == "__main__":

@@ -12,19 +12,10 @@ from std_msgs.msg import String
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import messages
 
-LONGEST_REASON = 500
-"""Characters of the reason of a refusal."""
-
 
 def answer(publisher: Publisher, request: WrenchStamped | PoseArray, time: float, reason: str = "") -> None:
     """Accept a request at a simulated time, s, or refuse it where there is a reason."""
     publisher.publish(String(data=json.dumps(messages.answer_record(reason, time, messages.stamp_of(request)))))
-
-
-def one_line(error: Exception) -> str:
-    """The text of an error in one line, which does not repeat all of a long input."""
-    text = " ".join(str(error).split())
-    return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
 
 
 def check_at_rest(simulation: Simulation, before: str) -> None:

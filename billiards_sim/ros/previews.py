@@ -10,9 +10,10 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from billiards_sim.command_line import one_line
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers
-from billiards_sim.ros.answers import answer, check_at_rest, one_line
+from billiards_sim.ros.answers import answer, check_at_rest
 from billiards_sim.ros.messages import Stamps, stamp_of
 from billiards_sim.ros.preview import Prediction, Preview, preview_json
 from billiards_sim.ros.qos import ANSWER_DEPTH, STATE_DEPTH

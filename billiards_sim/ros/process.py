@@ -18,6 +18,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation  # its exce
 from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 from rclpy.utilities import remove_ros_args
 
+from billiards_sim.command_line import STOPPING, Refusal, Stopped, shut_out_signals
+
 GRACE = 5.0
 """s that a child has to end after its signal, before it is killed."""
 
@@ -30,23 +32,15 @@ FASTDDS_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 LAST_DOMAIN = 101
 """ROS_DOMAIN_IDs 0 to 101 are safe on every operating system."""
 
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-"""What a terminal, a supervisor, a closed window and an impatient user send."""
-
-
-class Stopped(Exception):
-    """A signal came that ends the process."""
-
-
-class StartError(ValueError):
-    """The process cannot start as it was asked to; the text is one line for the user."""
+HIGHEST_DOMAIN = 232
+"""ROS_DOMAIN_ID of the last UDP ports there are. Beyond it Fast DDS ends the process."""
 
 
 def own_arguments(program: str, arguments: list[str]) -> list[str]:
     """The arguments that are not ROS's own (`--ros-args ...`).
 
     Raises:
-        StartError: ROS arguments that rclpy refuses.
+        Refusal: ROS arguments that rclpy refuses.
     """
     with _start_errors():
         return list(remove_ros_args([program, *arguments])[1:])
@@ -59,8 +53,9 @@ def ros(program: str, arguments: list[str]) -> Iterator[None]:
     Signals are left alone until `stoppable`.
 
     Raises:
-        StartError: ROS arguments or environment variables that rclpy refuses.
+        Refusal: ROS arguments or environment variables that rclpy or the middleware refuse.
     """
+    _check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
     with _start_errors():
         rclpy.init(args=[program, *arguments], signal_handler_options=SignalHandlerOptions.NO)
     try:
@@ -108,12 +103,6 @@ def noted_signals() -> Iterator[list[int]]:
     yield came
 
 
-def shut_out_signals() -> None:
-    """From here on the process ends by itself; a second signal must not disturb it."""
-    for number in STOPPING:
-        signal.signal(number, signal.SIG_IGN)
-
-
 def claim_domain(start: int, taken: str | None = None) -> tuple[int, socket.socket]:
     """A ROS domain that nobody has claimed on this machine, and what claims it until it is closed.
 
@@ -124,7 +113,7 @@ def claim_domain(start: int, taken: str | None = None) -> tuple[int, socket.sock
         taken: a domain that is not to be had.
 
     Raises:
-        StartError: there is none.
+        Refusal: there is none.
     """
     for number in range(start, start + LAST_DOMAIN):
         domain = 1 + number % LAST_DOMAIN
@@ -137,14 +126,14 @@ def claim_domain(start: int, taken: str | None = None) -> tuple[int, socket.sock
         if str(domain) != taken:
             return domain, claim
         claim.close()
-    raise StartError("no ROS domain is free")
+    raise Refusal("no ROS domain is free")
 
 
 def isolate(environment: MutableMapping[str, str]) -> None:
     """Keep traffic on this machine, until this process ends, in a domain that nobody else has, nor the user.
 
     Raises:
-        StartError: there is none.
+        Refusal: there is none.
     """
     domain, claim = claim_domain(os.getpid(), environment.get("ROS_DOMAIN_ID"))
     claim.detach()  # stays open
@@ -204,12 +193,18 @@ class Child:
         return self._process.poll()
 
 
+def _check_domain(domain: str) -> None:
+    # What is no number rclpy refuses by itself.
+    if domain.lstrip("-").isdecimal() and not (len(domain) <= 3 and 0 <= int(domain) <= HIGHEST_DOMAIN):
+        raise Refusal(f"ROS_DOMAIN_ID must be 0 to {HIGHEST_DOMAIN}, got {domain}")
+
+
 @contextmanager
 def _start_errors() -> Iterator[None]:
     try:
         yield
     except rclpy_implementation.UnknownROSArgsError as error:
-        raise StartError(f"unknown ROS arguments: {error}") from None
+        raise Refusal(f"unknown ROS arguments: {error}") from None
     except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
         text = str(error).partition(", at /")[0]  # the rest names places in rcl's own sources
-        raise StartError(" ".join(text.split())) from None
+        raise Refusal(text) from None

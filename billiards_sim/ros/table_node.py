@@ -7,11 +7,10 @@ import argparse
 import dataclasses
 import gc
 import os
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, TypeVar, cast
@@ -21,7 +20,7 @@ import rclpy
 from geometry_msgs.msg import PoseArray, WrenchStamped
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import ClockChange, JumpThreshold, TimeJump
+from rclpy.clock import Clock, ClockChange, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -32,12 +31,12 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from billiards_sim.command_line import USAGE_ERROR, Parser
+from billiards_sim.command_line import Parser, Refusal, Stopped, one_line, run_to_end
 from billiards_sim.engine import scenes
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import messages, parameters, qos
-from billiards_sim.ros.answers import answer, check_at_rest, one_line
+from billiards_sim.ros.answers import answer, check_at_rest
 from billiards_sim.ros.event_queue import MOST_WAITING
 from billiards_sim.ros.followed_clock import FollowedClock
 from billiards_sim.ros.inbox import Inbox
@@ -45,8 +44,6 @@ from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
 from billiards_sim.ros.previews import Previews
 from billiards_sim.ros.process import (
-    StartError,
-    Stopped,
     announce_often,
     own_arguments,
     ros,
@@ -70,6 +67,9 @@ TIME_ROUNDING = 1e-9
 
 LOG_PERIOD = 1.0
 """s between two warnings of one kind in the log; every refusal is answered on its topic."""
+
+LONGEST_WAIT = 1.0
+"""s that the executor waits at most."""
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -502,24 +502,22 @@ def main(arguments: list[str]) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         usage="table [-h] [--ros-args -p NAME:=VALUE ... --params-file FILE ... -r __ns:=/NAMESPACE ...]",
     )
-    try:
+
+    def play() -> int:
         parser.parse_args(own_arguments("table", arguments))
         announce_often(os.environ)
-        with ros("table", arguments):
+        with suppress(Stopped), ros("table", arguments):
             _serve(_new_node())
-    except StartError as error:
-        print(f"table: {error}", file=sys.stderr)
-        return USAGE_ERROR
-    except Stopped:
-        pass
-    return 0
+        return 0
+
+    return run_to_end("table", play)
 
 
 def _new_node() -> TableNode:
     try:
         return TableNode()
     except ValueError as error:
-        raise StartError(one_line(error)) from None
+        raise Refusal(str(error)) from None
 
 
 def _serve(node: TableNode) -> None:
@@ -536,6 +534,8 @@ def _serve(node: TableNode) -> None:
             # What lives until the end need not be searched for garbage in the middle of a tick.
             gc.collect()
             gc.freeze()
+            # A signal that comes just before the executor begins to wait is heard when it wakes.
+            node.create_timer(LONGEST_WAIT, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
             executor.add_node(node)
             node.metronome.start(fail=lambda error: executor.create_task(_raise, error))
             _spin(node, executor)
@@ -548,7 +548,7 @@ def _start(node: TableNode) -> None:
     try:
         node.start()
     except ValueError as error:
-        raise StartError(one_line(error)) from None
+        raise Refusal(str(error)) from None
 
 
 def _spin(node: TableNode, executor: SingleThreadedExecutor) -> None:

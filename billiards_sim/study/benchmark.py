@@ -10,14 +10,14 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import signal
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from billiards_sim.command_line import USAGE_ERROR, Parser
+from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, run_to_end, say
+from billiards_sim.files import written
 from billiards_sim.study import chaos, node_cost, peers, precision, report, speed
 from billiards_sim.study.measure import ChildError, Task, machine
 
@@ -29,29 +29,11 @@ QUICK_CHAOS_SEEDS = 5
 PARTS = ("speed", "precision", "chaos", "peers", "node")
 QUICK_PARTS = ("speed", "precision", "chaos")
 
-INTERRUPTED = 130
-"""Exit code after SIGINT."""
-
 
 def main(arguments: list[str]) -> int:
-    """Measure, print and write."""
-    options = _parser().parse_args(arguments)
-    try:
-        import matplotlib  # noqa: F401
-        import tqdm  # noqa: F401
-    except ImportError as error:
-        print(f"benchmark: {error.name} is not there: pip install 'billiards_sim[plot]'", file=sys.stderr)
-        return USAGE_ERROR
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    try:
-        return _run(options)
-    except KeyboardInterrupt:
-        print("benchmark: interrupted, nothing written", file=sys.stderr)
-        return INTERRUPTED
-    except (OSError, report.MarkerError, ChildError) as error:
-        print(f"benchmark: {error}", file=sys.stderr)
-        return USAGE_ERROR
+    """Measure, print and write; returns the exit code."""
+    interrupt_on_signals()
+    return run_to_end("benchmark", lambda: _run(_parser().parse_args(arguments)))
 
 
 def measure(parts: tuple[str, ...], quick: bool, seeds: int) -> dict[str, Any]:
@@ -88,12 +70,16 @@ def write(results: dict[str, Any], directory: Path) -> None:
 
     directory.mkdir(parents=True, exist_ok=True)
     text = json.dumps(results, indent=1, allow_nan=False)
-    (directory / "benchmark.json").write_text(text + "\n", encoding="utf-8")
-    (directory / "benchmark.md").write_text(report.whole_report(results), encoding="utf-8")
+    with written(directory / "benchmark.json") as file:
+        file.write_text(text + "\n", encoding="utf-8")
+    with written(directory / "benchmark.md") as file:
+        file.write_text(report.whole_report(results), encoding="utf-8")
     if results.get("precision"):
-        benchmark_plots.draw_work_precision(results["precision"], directory / "work_precision.png")
+        with written(directory / "work_precision.png") as file:
+            benchmark_plots.draw_work_precision(results["precision"], file)
     if results.get("chaos"):
-        benchmark_plots.draw_chaos(results["chaos"], directory / "chaos.png")
+        with written(directory / "chaos.png") as file:
+            benchmark_plots.draw_chaos(results["chaos"], file)
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -121,23 +107,39 @@ def _tasks(part: str, quick: bool, seeds: int) -> Iterator[Task]:
     return node_cost.tasks()
 
 
-def _run(options: Any) -> int:
+def _run(options: argparse.Namespace) -> int:
+    _check_installed()
+    try:
+        results = _results(options)
+        say(report.whole_report(results))
+        write(results, options.output)
+        if options.readme:
+            report.write_readme(options.readme, results)
+    except KeyboardInterrupt:
+        raise Failure("stopped; figures are written at the end only") from None
+    except (OSError, report.MarkerError, ChildError) as error:
+        raise Refusal(str(error)) from None
+    print(f"benchmark: figures and pictures are in {options.output}", file=sys.stderr)
+    return 0
+
+
+def _check_installed() -> None:
+    try:
+        import matplotlib  # noqa: F401
+        import tqdm  # noqa: F401
+    except ImportError as error:
+        raise Refusal(f"{error.name} is not there: pip install 'billiards_sim[plot]'") from None
+
+
+def _results(options: argparse.Namespace) -> dict[str, Any]:
     if options.source:
         try:
-            results = read(options.source)
+            return read(options.source)
         except ValueError as error:
-            print(f"benchmark: {options.source}: {error}", file=sys.stderr)
-            return USAGE_ERROR
-    else:
-        options.output.mkdir(parents=True, exist_ok=True)  # rather an error now than after the study
-        parts = options.parts or (QUICK_PARTS if options.quick else PARTS)
-        results = measure(tuple(parts), options.quick, options.seeds or (QUICK_SEEDS if options.quick else SEEDS))
-    print(report.whole_report(results))
-    write(results, options.output)
-    print(f"benchmark: figures and pictures are in {options.output}", file=sys.stderr)
-    if options.readme:
-        report.write_readme(options.readme, results)
-    return 0
+            raise Refusal(f"{options.source}: {error}") from None
+    options.output.mkdir(parents=True, exist_ok=True)  # rather an error now than after the study
+    parts = options.parts or (QUICK_PARTS if options.quick else PARTS)
+    return measure(tuple(parts), options.quick, options.seeds or (QUICK_SEEDS if options.quick else SEEDS))
 
 
 def _parser() -> Parser:

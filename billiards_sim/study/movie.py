@@ -157,21 +157,29 @@ def write_movie(recording: Recording, path: Path, longest: int | None = None) ->
         The number of frames.
 
     Raises:
-        ValueError: more than `MOST_FRAMES` frames.
+        TooMany: more than `MOST_FRAMES` frames.
         OSError: the file cannot be written.
         ImportError: MP4 without imageio-ffmpeg.
     """
     ending = path.suffix.lower()
     painter = Painter(recording.scene, longest or SIZES[ending])
-    times = ticks(recording.start.time, recording.end.time, 1.0 / FRAME_RATE, MOST_FRAMES)
+    times = frame_times(recording.start.time, recording.end.time)
     poses = tqdm(recording.poses(times), total=len(times), desc=path.name, unit="frame", leave=False, disable=None)
     frames = (painter.frame(pose) for pose in poses)
-    path.open("wb").close()  # fails here, with a reason
     if ending == ".gif":
         _write_gif(path, frames, len(times))
     else:
         _write_mp4(path, frames, painter.width, painter.height)
     return len(times)
+
+
+def frame_times(start: float, end: float) -> NDArray[np.float64]:
+    """(T,) times of the frames of a run, s.
+
+    Raises:
+        TooMany: more than `MOST_FRAMES`.
+    """
+    return ticks(start, end, 1.0 / FRAME_RATE, MOST_FRAMES)
 
 
 def number_picture(name: str) -> Pixels:

@@ -191,16 +191,20 @@ def _record_steps(player: SteppedSolver, start: State, time_step: float, until: 
     return SteppedRecording(player.start_scene, start, steps[-1], player.at_rest, events, wall_seconds, steps)
 
 
+class TooMany(ValueError):
+    """More times than a table or a movie can have."""
+
+
 def ticks(start: float, end: float, interval: float, most: int = MOST_TICKS) -> Array:
     """(T,) times from the start to the end, both included, `interval` apart but for the last two. All s.
 
     Raises:
-        ValueError: more than `most`.
+        TooMany: more than `most`.
     """
     rounding = 1e-9
     count = (end - start) / interval
     if not count < most:
-        raise ValueError(f"{count:.3g} times, {interval:g} s apart until {end:g} s, are too many: at most {most}")
+        raise TooMany(f"{count:.3g} times, {interval:g} s apart until {end:g} s, are too many: at most {most}")
     return np.append(start + interval * np.arange(math.ceil(count - rounding)), end)
 
 

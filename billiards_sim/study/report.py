@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from billiards_sim.files import written
 from billiards_sim.study.chaos import APART, GOOD
 from billiards_sim.study.precision import (
     CHART_TIME,
@@ -380,7 +381,9 @@ def write_readme(path: Path, results: Results) -> None:
         OSError: it cannot be read or written.
     """
     text = path.read_text(encoding="utf-8")
-    path.write_text(with_fragment(text, readme_fragment(results), str(path)), encoding="utf-8")
+    whole = with_fragment(text, readme_fragment(results), str(path))
+    with written(path) as file:
+        file.write_text(whole, encoding="utf-8")
 
 
 def _verdict(met: bool) -> str:

@@ -7,25 +7,21 @@ import argparse
 import csv
 import importlib
 import json
-import signal
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, positive_seconds, run_to_end, say
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.scene_file import load_scene
 from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.simulation import StallError
+from billiards_sim.files import written
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
-from billiards_sim.study.recording import Recording, record
+from billiards_sim.study.recording import Recording, TooMany, record, ticks
 from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, SchemeError
-
-FAILED = 1
-"""Exit code of a run that its solver could not finish, or that was stopped."""
 
 SAMPLE = 0.01
 """s between two times of a table."""
@@ -45,27 +41,10 @@ Exit code 0: done; 1: the solver cannot go on; 2: bad arguments, or a file that 
 JSON and CSV have as many digits, up to 17, as it takes to read back the same numbers, in SI units."""
 
 
-class Refusal(Exception):
-    """What was asked for cannot be done; the text is one line for the user."""
-
-
 def main(arguments: list[str]) -> int:
     """Simulate once; returns the exit code."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    options = _parser().parse_args(arguments)
-    try:
-        _simulate(options)
-    except Refusal as refusal:
-        print(f"simulate: {refusal}", file=sys.stderr)
-        return USAGE_ERROR
-    except (SchemeError, StallError) as error:
-        print(f"simulate: {options.solver} cannot go on: {_one_line(error)}", file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        print("simulate: stopped", file=sys.stderr)
-        return FAILED
-    return 0
+    interrupt_on_signals()
+    return run_to_end("simulate", lambda: _simulate(_parser().parse_args(arguments)))
 
 
 def _parser() -> Parser:
@@ -102,7 +81,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _simulate(options: argparse.Namespace) -> None:
+def _simulate(options: argparse.Namespace) -> int:
     _check_outputs(options)
     scene = _scene(options)
     recording = _record(scene, options)
@@ -111,20 +90,27 @@ def _simulate(options: argparse.Namespace) -> None:
         path = getattr(options, option)
         if path is not None:
             try:
-                write(recording, path, options)
+                with written(path) as file:
+                    write(recording, file, options)
             except OSError as error:
                 raise Refusal(f"--{option}: cannot write {str(path)!r}: {_reason(error)}") from None
-            print(f"  wrote           {path}", flush=True)
+            except TooMany as error:
+                raise Refusal(f"--{option}: {error}") from None
+            say(f"  wrote           {path}")
+    return 0
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Refuse what could not be written, before any long computing."""
     paths = {name: getattr(options, name) for name in ("json", "csv", "plot", "movie") if getattr(options, name)}
     for index, (option, path) in enumerate(paths.items()):
-        if path.is_dir():
-            raise Refusal(f"--{option}: {str(path)!r} is a directory")
-        if not path.parent.is_dir():
-            raise Refusal(f"--{option}: cannot write {str(path)!r}: no directory {str(path.parent)!r}")
+        try:
+            if path.is_dir():
+                raise Refusal(f"--{option}: {str(path)!r} is a directory")
+            if not path.parent.is_dir():
+                raise Refusal(f"--{option}: cannot write {str(path)!r}: no directory {str(path.parent)!r}")
+        except OSError as error:
+            raise Refusal(f"--{option}: cannot write {str(path)!r}: {_reason(error)}") from None
         if path in list(paths.values())[:index]:
             raise Refusal(f"--{option}: {str(path)!r} is written by another option, too")
     if options.plot is not None:
@@ -135,6 +121,20 @@ def _check_outputs(options: argparse.Namespace) -> None:
         _check_installed("--movie", MOVIES[ending])
         if ending == ".mp4":
             _check_ffmpeg()
+    if options.until is not None:
+        _check_length(options)
+
+
+def _check_length(options: argparse.Namespace) -> None:
+    try:
+        if options.csv is not None and options.solver == "event":
+            ticks(0.0, options.until, options.sample)
+        if options.movie is not None:
+            from billiards_sim.study.movie import frame_times
+
+            frame_times(0.0, options.until)
+    except TooMany as error:
+        raise Refusal(f"--until {options.until:g}: {error}") from None
 
 
 def _check_ending(option: str, path: Path, known: Sequence[str]) -> str:
@@ -157,7 +157,7 @@ def _check_ffmpeg() -> None:
     try:
         importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe()
     except RuntimeError as error:
-        raise Refusal(f"--movie: {_one_line(error)}") from None
+        raise Refusal(f"--movie: {error}") from None
 
 
 def _scene(options: argparse.Namespace) -> Scene:
@@ -165,24 +165,22 @@ def _scene(options: argparse.Namespace) -> Scene:
     if name in BUILT_IN:
         scene = BUILT_IN[name]()
     else:
-        if not Path(name).exists():
-            raise Refusal(f"SCENE {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
         try:
+            if not Path(name).exists():
+                raise Refusal(f"SCENE {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
             scene = load_scene(name)
         except ImportError:
             raise Refusal(f"scene file {name!r} needs PyYAML: pip install pyyaml, or 'billiards_sim[ros]'") from None
         except OSError as error:
             raise Refusal(f"cannot read {name!r}: {_reason(error)}") from None
-        except UnicodeError as error:
-            raise Refusal(f"cannot read {name!r}: {error}") from None
         except ValueError as error:
-            raise Refusal(_one_line(error)) from None
+            raise Refusal(error) from None
     try:
         asked = shot_asked_for(options)
         shot = asked.shot(scene.physics) if isinstance(asked, Aim) else asked
         return scene if shot is None else replace(scene, shot=shot)
     except ValueError as error:
-        raise Refusal(_one_line(error)) from None
+        raise Refusal(error) from None
 
 
 def _record(scene: Scene, options: argparse.Namespace) -> Recording:
@@ -197,8 +195,10 @@ def _record(scene: Scene, options: argparse.Namespace) -> Recording:
             )
     try:
         return record(scene, options.solver, options.time_step, options.until)
+    except (SchemeError, StallError) as error:
+        raise Failure(f"{options.solver} cannot go on: {error}") from None
     except ValueError as error:
-        raise Refusal(f"{options.scene}: {_one_line(error)}") from None
+        raise Refusal(f"{options.scene}: {error}") from None
 
 
 def _write_json(recording: Recording, path: Path, options: argparse.Namespace) -> None:
@@ -245,19 +245,14 @@ def _print_summary(recording: Recording, options: argparse.Namespace) -> None:
     kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items())
     step = "" if options.solver == "event" else f", time step {options.time_step:g} s"
     balls = len(recording.scene)
-    print(f"simulate: {options.scene}, {balls} ball{'s' * (balls > 1)}")
-    print(f"  solver          {options.solver}{step}")
-    print(f"  simulated time  {recording.end.time:.6g} s, {'at rest' if recording.at_rest else 'balls still move'}")
-    print(f"  events          {len(recording.events)}{': ' if kinds else ''}{kinds}")
-    print(f"  wall time       {recording.wall_seconds:.3g} s")
+    say(f"simulate: {options.scene}, {balls} ball{'s' * (balls > 1)}")
+    say(f"  solver          {options.solver}{step}")
+    say(f"  simulated time  {recording.end.time:.6g} s, {'at rest' if recording.at_rest else 'balls still move'}")
+    say(f"  events          {len(recording.events)}{': ' if kinds else ''}{kinds}")
+    say(f"  wall time       {recording.wall_seconds:.3g} s")
     if recording.at_rest and not recording.events:
-        print("  nothing moved: the scene has no shot; --speed V and --angle A hit the ball cue")
-    sys.stdout.flush()
+        say("  nothing moved: the scene has no shot; --speed V and --angle A hit the ball cue")
 
 
 def _reason(error: OSError) -> str:
-    return error.strerror or _one_line(error)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    return error.strerror or str(error)

@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import rclpy
 import rclpy.parameter
@@ -53,19 +53,21 @@ class Process:
         command: list[str] | None = None,
         environment: Mapping[str, str] | None = None,
         directory: Path | None = None,
+        stdout: int | IO[bytes] = subprocess.PIPE,
     ) -> None:
         self._process = subprocess.Popen(
             [*(command or [sys.executable, "-m", "billiards_sim"]), *arguments],
             env={**os.environ, "ROS_DOMAIN_ID": str(domain), **(environment or {})},
             cwd=directory,
-            stdout=subprocess.PIPE,
+            stdout=stdout,
             stderr=subprocess.PIPE,
             start_new_session=True,
         )
         self._streams = {"stdout": b"", "stderr": b""}
+        self._pipes = {name: getattr(self._process, name) for name in self._streams if getattr(self._process, name)}
         self._selector = selectors.DefaultSelector()
-        for name in self._streams:
-            self._selector.register(getattr(self._process, name), selectors.EVENT_READ, name)
+        for name, pipe in self._pipes.items():
+            self._selector.register(pipe, selectors.EVENT_READ, name)
 
     @property
     def stdout(self) -> str:
@@ -91,8 +93,8 @@ class Process:
     def close(self) -> None:
         end_group(self._process, GRACE)
         self._selector.close()
-        self._process.stdout.close()
-        self._process.stderr.close()
+        for pipe in self._pipes.values():
+            pipe.close()
 
     def _read(self, done: Callable[[], bool], timeout: float) -> None:
         deadline = time.monotonic() + timeout

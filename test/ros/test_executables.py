@@ -11,11 +11,11 @@ from conftest import Site
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 
+from billiards_sim.command_line import STOPPING
 from billiards_sim.ros.process import (
     FASTDDS_PROFILES,
     FASTDDS_VARIABLES,
     LAST_DOMAIN,
-    STOPPING,
     Child,
     announce_often,
     claim_domain,
@@ -102,6 +102,58 @@ def test_a_bad_start_is_one_line_and_code_2(site: Site, arguments: tuple) -> Non
     assert process.wait() == 2
     assert_one_line(process.stderr, f"{arguments[0]}: ")
     assert process.stdout == ""
+
+
+@pytest.mark.parametrize("domain", ["300", "233", "-1", 5000 * "9", "many"], ids=lambda given: given[:4])
+@pytest.mark.parametrize("arguments", [("table",), ("shoot", "--force", "80", "0")], ids=" ".join)
+def test_a_domain_that_is_none_is_one_line_and_code_2(site: Site, arguments: tuple, domain: str) -> None:
+    process = site.process(*arguments, environment={"ROS_DOMAIN_ID": domain})
+    assert process.wait() == 2
+    assert_one_line(process.stderr, f"{arguments[0]}: ")
+    assert "ROS_DOMAIN_ID" in process.stderr
+    assert process.stdout == ""
+
+
+@pytest.mark.parametrize("name", ROS_EXECUTABLES)
+def test_an_argument_that_is_not_utf_8_is_one_line_and_code_2(site: Site, name: str) -> None:
+    process = site.process(name, os.fsdecode(b"scene:=\xff"))
+    assert process.wait() == 2
+    assert_one_line(process.stderr, f"{name}: arguments must be UTF-8, got b'scene:=\\xff'")
+
+
+SHOT = ("shoot", "--force", "80", "0", "--timeout", "0.5")
+
+
+@pytest.mark.parametrize("arguments", [SHOT, ("demo",)], ids=lambda given: given[0])
+def test_a_full_device_for_an_output_is_one_line_and_code_1(site: Site, arguments: tuple) -> None:
+    with open("/dev/full", "wb") as device:
+        process = site.process(*arguments, stdout=device)
+        assert process.wait() == 1
+    assert_one_line(process.stderr, f"{arguments[0]}: cannot write to stdout: No space left on device")
+
+
+@pytest.mark.parametrize("arguments", [SHOT, ("demo",)], ids=lambda given: given[0])
+def test_an_output_that_nobody_reads_ends_it_quietly(site: Site, arguments: tuple) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        process = site.process(*arguments, stdout=writer)
+        assert process.wait() == 1
+    finally:
+        os.close(writer)
+    assert process.stderr == ""
+
+
+@pytest.mark.parametrize("number", STOPPING)
+@pytest.mark.parametrize(("name", "code", "told"), [("table", 0, ""), ("shoot", 1, "shoot: stopped\n")])
+def test_a_signal_during_the_imports_ends_it_quietly(
+    site: Site, tmp_path: Path, name: str, code: int, told: str, number: int
+) -> None:
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy" / "__init__.py").write_text(f"import os\nos.kill(os.getpid(), {int(number)})\n")
+    process = site.process(name, environment={"PYTHONPATH": str(tmp_path)})
+    assert process.wait() == code
+    assert (process.stdout, process.stderr) == ("", told)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

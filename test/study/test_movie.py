@@ -7,6 +7,7 @@ import fcntl
 import math
 import os
 import pty
+import signal
 import struct
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from PIL import Image
 
 import billiards_sim as bs
 from billiards_sim.colours import DISC
+from billiards_sim.command_line import STOPPING
 from billiards_sim.study import simulate
 from billiards_sim.study.movie import GLYPH, SIZES, Painter, number_picture, write_movie
 from billiards_sim.study.recording import Pose, record
@@ -282,3 +284,33 @@ def test_progress_is_shown_on_a_terminal_only(tmp_path: Path, terminal: bool) ->
     os.close(theirs)
     os.close(ours)
     assert (b"out.gif" in shown and b"frame" in shown) if terminal else shown == b""
+
+
+@pytest.mark.parametrize("ending", [".gif", ".mp4"])
+@pytest.mark.parametrize("there", [False, True])
+def test_an_interrupted_movie_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], ending: str, there: bool
+) -> None:
+    path = tmp_path / f"shot{ending}"
+    if there:
+        path.write_bytes(b"before")
+    frame, painted = Painter.frame, []
+
+    def interrupted(self: Painter, pose: Pose) -> NDArray[np.uint8]:
+        painted.append(pose.time)
+        if len(painted) == 5:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return frame(self, pose)
+
+    monkeypatch.setattr(Painter, "frame", interrupted)
+    before = {number: signal.getsignal(number) for number in STOPPING}
+    try:
+        assert simulate.main(["head_on", "--until", "1", "--movie", str(path)]) == 1
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert capsys.readouterr().err == "simulate: stopped\n"
+    assert len(painted) == 5
+    assert os.listdir(tmp_path) == ([path.name] if there else [])
+    if there:
+        assert path.read_bytes() == b"before"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import os
 import subprocess
 import sys
 from collections import Counter
@@ -268,6 +269,15 @@ REFUSED = [
     (("head_on", "--until", "nan"), "--until", "nan"),
     (("head_on", "--time-step", "0"), "--time-step"),
     (("head_on", "--csv", "{tmp}/out.csv", "--sample", "0"), "--sample"),
+    (("head_on", "--csv", "{tmp}/out.csv", "--until", "1e300"), "--until 1e+300", "times", "at most 1000000"),
+    (("head_on", "--csv", "{tmp}/out.csv", "--until", "1", "--sample", "1e-300"), "1e-300 s apart", "at most 1000000"),
+    (("head_on", "--movie", "{tmp}/out.gif", "--until", "1e300"), "--until 1e+300", "times", "at most 100000"),
+    (("head_on", "--solver", "time_step", "--time-step", "1e-9", "--until", "1"), "1e+09 steps", "at most 1000000"),
+    (("head_on", "--json", 300 * "a"), "--json", "File name too long"),
+    (("head_on", "--json", "{tmp}/" + 300 * "a"), "--json", "File name too long"),
+    ((300 * "a",), "cannot read 'aaa", "File name too long"),
+    (("{tmp}/pipe",), "pipe", "not a regular file"),
+    (("{tmp}/surrogate.yaml",), "surrogate.yaml: "),
     (("head_on", "--force", "80", "0"), "'cue'", "must rest"),
     (("eight_ball", "--force", "0", "0"), "force"),
     (("eight_ball", "--force", "nan", "0"), "force"),
@@ -294,12 +304,22 @@ def test_what_cannot_be_done_is_one_line_and_code_2(
     (tmp_path / "broken.yaml").write_text("balls: [")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x81")
     (tmp_path / "no_balls.yaml").write_text("balls: []")
+    (tmp_path / "surrogate.yaml").write_text('balls: [{name: "\\udc80", position: [1, 0.5]}]')
+    os.mkfifo(tmp_path / "pipe")
     (tmp_path / "frictionless.yaml").write_text(FRICTIONLESS)
     try:
         code = simulate.main([argument.replace("{tmp}", str(tmp_path)) for argument in arguments])
     except SystemExit as end:  # argparse
         code = int(str(end.code))
     assert_refused(capsys, code, 2, *(word.replace("{tmp}", str(tmp_path)) for word in words))
+
+
+def test_too_many_times_until_rest_are_one_line_and_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert simulate.main(["head_on", "--csv", str(tmp_path / "out.csv"), "--sample", "1e-300"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("simulate: --csv: 4.74e+300 times, 1e-300 s apart until 4.73536 s, are too many: at most")
+    assert error.count("\n") == 1
+    assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.parametrize("option", ["--json", "--csv"])

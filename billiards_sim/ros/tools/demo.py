@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import sys
 import time
 from collections.abc import Callable, Sequence
 
@@ -15,20 +14,17 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Bool, String
 
-from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
-from billiards_sim.ros.process import Child, StartError, Stopped, isolate, noted_signals, own_arguments, ros
+from billiards_sim.command_line import Failure, Parser, Stopped, positive_seconds, run_to_end, say
+from billiards_sim.ros.process import Child, isolate, noted_signals, own_arguments, ros
 from billiards_sim.ros.qos import LATCHED
 from billiards_sim.ros.tools.commentary import Commentary
 
 BREAK_FORCE = ("128", "0")
 """N. 8 m/s with the default physics: an ordinary break."""
 
-FAILED = 1
-"""Exit code of a demo that did not come to its end."""
 
-
-class DemoError(Exception):
-    """The demo cannot go on; the text is one line for the user."""
+class DemoError(Failure):
+    """The demo cannot go on."""
 
 
 class Spectator(Node):
@@ -58,7 +54,7 @@ class Spectator(Node):
         for event in json.loads(message.data)["events"]:
             line = self.commentary.take(event)
             if line:
-                print(line, flush=True)
+                say(line)
 
     def _on_poses(self, message: PoseArray) -> None:
         self.balls = len(message.poses)
@@ -87,21 +83,15 @@ def main(arguments: list[str]) -> int:
         "Exit code 0: the break came to rest; 1: something failed; 2: bad arguments.",
     )
     parser.add_argument("--timeout", type=positive_seconds, default=120.0, metavar="S", help="longest run, s (120)")
-    try:
+
+    def play() -> int:
         isolate(os.environ)
         options = parser.parse_args(own_arguments("demo", arguments))
         with noted_signals() as signals, ros("demo", arguments):
             _play(options.timeout, signals)
-    except StartError as error:
-        print(f"demo: {error}", file=sys.stderr)
-        return USAGE_ERROR
-    except DemoError as error:
-        print(f"demo: {error}", file=sys.stderr)
-        return FAILED
-    except Stopped:
-        print("demo: stopped", file=sys.stderr)
-        return FAILED
-    return 0
+        return 0
+
+    return run_to_end("demo", play)
 
 
 def _play(timeout: float, signals: Sequence[int]) -> None:
@@ -109,7 +99,7 @@ def _play(timeout: float, signals: Sequence[int]) -> None:
     spectator = Spectator()
     executor = SingleThreadedExecutor()
     executor.add_node(spectator)
-    print(f"demo: starting a table with an eight-ball rack, ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}", flush=True)
+    say(f"demo: starting a table with an eight-ball rack, ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}")
     with Child("table", "--ros-args", "-p", "scene:=eight_ball") as table:
 
         def watch(done: Callable[[], bool], missing: str, shooter: Child | None = None) -> None:
@@ -126,7 +116,7 @@ def _play(timeout: float, signals: Sequence[int]) -> None:
                 executor.spin_once(timeout_sec=min(left, 0.1))
 
         watch(lambda: spectator.ready, "the table did not publish")
-        print(f"demo: {spectator.balls} balls rest; breaking from a second process", flush=True)
+        say(f"demo: {spectator.balls} balls rest; breaking from a second process")
         with Child("shoot", "--force", *BREAK_FORCE) as shoot:
             watch(lambda: spectator.finished, "the break did not come to rest", shoot)
             watch(lambda: shoot.exit_code == 0, "the shot got no verdict", shoot)
@@ -136,8 +126,8 @@ def _play(timeout: float, signals: Sequence[int]) -> None:
 def _print_summary(spectator: Spectator) -> None:
     commentary = spectator.commentary
     counts = commentary.counts
-    print("demo: summary")
-    print(f"  balls            {spectator.balls}")
-    print(f"  collisions       {counts['ball_ball']} ball-ball, {counts['ball_rail']} ball-rail")
-    print(f"  time to rest     {commentary.last_time - commentary.first_time:.3f} s")
-    print(f"  largest overlap  {spectator.largest_overlap:.3g} m")
+    say("demo: summary")
+    say(f"  balls            {spectator.balls}")
+    say(f"  collisions       {counts['ball_ball']} ball-ball, {counts['ball_rail']} ball-rail")
+    say(f"  time to rest     {commentary.last_time - commentary.first_time:.3f} s")
+    say(f"  largest overlap  {spectator.largest_overlap:.3g} m")

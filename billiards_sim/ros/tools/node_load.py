@@ -28,8 +28,8 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from billiards_sim.command_line import Parser, positive_seconds
-from billiards_sim.ros.process import Child, Stopped, isolate, ros, stoppable
+from billiards_sim.command_line import Parser, Stopped, positive_seconds
+from billiards_sim.ros.process import Child, isolate, ros, stoppable
 from billiards_sim.ros.qos import LATCHED
 from billiards_sim.ros.wrench import wrench_from_shot
 

@@ -19,11 +19,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from visualization_msgs.msg import Marker, MarkerArray
 
-from billiards_sim.command_line import USAGE_ERROR, Parser
+from billiards_sim.command_line import Parser, Refusal, run_to_end
 from billiards_sim.engine import scenes
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
+from billiards_sim.files import written
 from billiards_sim.ros import markers, messages
 from billiards_sim.ros.parameters import DEFAULT_FRAME
 from billiards_sim.ros.preview import predict
@@ -191,7 +192,8 @@ def write_picture(path: Path, settings: Mapping[str, Any], size: tuple[int, int]
         draw_messages(axes, settings, sent, view)
         middle = bottom + height + 0.5 * TITLE
         figure.text(0.01, middle / full, title, va="center", fontsize=9, color="white")
-    figure.savefig(path, format="png", pil_kwargs={"optimize": True})
+    with written(path) as file:
+        figure.savefig(file, format="png", pil_kwargs={"optimize": True})
 
 
 def main(arguments: list[str]) -> int:
@@ -199,14 +201,17 @@ def main(arguments: list[str]) -> int:
     parser = Parser(prog="picture", description="Draw what RViz shows of a table, without RViz.")
     parser.add_argument("path", type=Path, metavar="FILE.png", help="where to")
     parser.add_argument("--rviz", type=Path, default=CONFIGURATION, metavar="FILE", help=f"({CONFIGURATION})")
-    options = parser.parse_args(arguments)
-    try:
-        settings = yaml.safe_load(options.rviz.read_text(encoding="utf-8"))["Visualization Manager"]
-        write_picture(options.path, settings)
-    except OSError as error:
-        print(f"picture: {error}", file=sys.stderr)
-        return USAGE_ERROR
-    return 0
+
+    def play() -> int:
+        options = parser.parse_args(arguments)
+        try:
+            settings = yaml.safe_load(options.rviz.read_text(encoding="utf-8"))["Visualization Manager"]
+            write_picture(options.path, settings)
+        except OSError as error:
+            raise Refusal(str(error)) from None
+        return 0
+
+    return run_to_end("picture", play)
 
 
 if __name__ == "__main__":

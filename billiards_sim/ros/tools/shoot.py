@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections import deque
 from collections.abc import Callable
@@ -18,17 +17,14 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
 
-from billiards_sim.command_line import USAGE_ERROR, Parser, positive_seconds
+from billiards_sim.command_line import FAILED, Failure, Parser, positive_seconds, run_to_end, say
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import Shot
-from billiards_sim.ros.process import StartError, Stopped, own_arguments, ros, stoppable
+from billiards_sim.ros.process import own_arguments, ros, stoppable
 from billiards_sim.ros.tools.commentary import Commentary
 from billiards_sim.ros.wrench import wrench_from_shot
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
-
-REFUSED = 1
-"""Exit code of a shot that the table refused or did not answer."""
 
 LONGEST_REST = 60.0
 """s that --wait waits by default; with the paper's constants no shot that a person plays goes on for half as long."""
@@ -44,7 +40,7 @@ Say it as --speed and --angle, or as --force.
 Exit code 0: accepted; 1: refused, no answer, or stopped; 2: bad arguments."""
 
 
-class NoAnswer(Exception):
+class NoAnswer(Failure):
     """The table did not do in time what was waited for."""
 
 
@@ -106,7 +102,7 @@ class Shooter(Node):
         self._wait_for_table(self._shots)
         if self._at_rest:
             return
-        print(f"shoot: balls move; waiting up to {longest:g} s for all to rest", flush=True)
+        say(f"shoot: balls move; waiting up to {longest:g} s for all to rest")
         began = time.monotonic()
         self._spin(lambda: self._at_rest, began + longest, f"balls still moved after {longest:g} s")
         self._deadline += time.monotonic() - began
@@ -149,7 +145,7 @@ class Shooter(Node):
             while self._events:
                 line = commentary.take(self._events.popleft())
                 if line:
-                    print(line, flush=True)
+                    say(line)
 
     def _wait_for_table(self, publisher: Any) -> None:
         def listens() -> bool:
@@ -199,20 +195,15 @@ class Shooter(Node):
 
 def main(arguments: list[str]) -> int:
     """Shoot once; returns the exit code."""
+    return run_to_end("shoot", lambda: _shoot(arguments))
+
+
+def _shoot(arguments: list[str]) -> int:
     parser = _parser()
-    try:
-        options = parser.parse_args(own_arguments("shoot", arguments))
-        asked = _asked_for(parser, options)
-        with ros("shoot", arguments), stoppable():
-            return _play(options, asked)
-    except StartError as error:
-        print(f"shoot: {error}", file=sys.stderr)
-        return USAGE_ERROR
-    except NoAnswer as error:
-        print(f"shoot: {error}", file=sys.stderr)
-        return REFUSED
-    except Stopped:
-        return REFUSED
+    options = parser.parse_args(own_arguments("shoot", arguments))
+    asked = _asked_for(parser, options)
+    with ros("shoot", arguments), stoppable():
+        return _play(options, asked)
 
 
 def _parser() -> Parser:
@@ -252,21 +243,21 @@ def _play(options: argparse.Namespace, asked: Aim | Shot) -> int:
     shooter = Shooter(options.timeout)
     shot = asked.shot(_physics(shooter)) if isinstance(asked, Aim) else asked
     message = wrench_from_shot(shot.force, shot.offset)
-    print(f"shoot: {_describe(message, shot)}", flush=True)
+    say(f"shoot: {_describe(message, shot)}")
     if options.wait is not None:
         shooter.wait_for_rest(options.wait)
     answer = shooter.preview(message) if options.preview else shooter.shoot(message)
     if not answer["accepted"]:
-        print(f"shoot: refused: {answer['reason']}", flush=True)
-        return REFUSED
+        say(f"shoot: refused: {answer['reason']}")
+        return FAILED
     if options.preview:
         _print_preview(answer)
         return 0
-    print(f"shoot: accepted at {answer['time']:.3f} s of the table's time", flush=True)
+    say(f"shoot: accepted at {answer['time']:.3f} s of the table's time")
     if options.watch:
         commentary = Commentary()
         shooter.watch(commentary)
-        print(f"shoot: at rest after {commentary.last_time - commentary.first_time:.3f} s", flush=True)
+        say(f"shoot: at rest after {commentary.last_time - commentary.first_time:.3f} s")
     return 0
 
 
@@ -294,13 +285,13 @@ def _written(number: float) -> str:
 
 
 def _print_preview(answer: dict[str, Any]) -> None:
-    print(f"shoot: would be accepted at {answer['time']:.3f} s of the table's time")
+    say(f"shoot: would be accepted at {answer['time']:.3f} s of the table's time")
     commentary = Commentary()
     for event in answer["events"]:
         line = commentary.take(event)
         if line:
-            print(line)
+            say(line)
     ended = "at rest" if answer["complete"] else "still moving, the preview ends"
-    print(f"shoot: {ended} after {answer['duration']:.3f} s; the balls would lie at")
+    say(f"shoot: {ended} after {answer['duration']:.3f} s; the balls would lie at")
     for name, (x, y) in answer["final_positions"].items():
-        print(f"  {name:>6}  {x:.4f} {y:.4f} m", flush=True)
+        say(f"  {name:>6}  {x:.4f} {y:.4f} m")
