@@ -42,6 +42,7 @@ from billiards_sim.ros.followed_clock import FollowedClock
 from billiards_sim.ros.inbox import Inbox
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import placed_positions
+from billiards_sim.ros.preview import predict
 from billiards_sim.ros.previews import Previews
 from billiards_sim.ros.process import (
     announce_often,
@@ -568,11 +569,13 @@ def _raise(error: Exception) -> None:
 
 
 def _warm_up(node: TableNode) -> None:
-    """Run a break, so that no later tick waits for the compiler."""
+    """Preview and run a break, so that no later tick waits for the compiler."""
     node.get_logger().info("preparing the engine")
     began = time.monotonic()
     simulation = Simulation(scenes.eight_ball())
-    simulation.strike((100.0, 1.0, 0.0), (0.005, 0.005))
+    shot = Shot((100.0, 1.0, 0.0), (0.005, 0.005))
+    predict(simulation, shot)
+    simulation.strike(shot.force, shot.offset)
     simulation.run()
     node.get_logger().info(f"engine ready after {time.monotonic() - began:.2f} s")
 
