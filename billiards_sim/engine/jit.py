@@ -10,8 +10,12 @@ Numba's own switch `NUMBA_DISABLE_JIT=1` selects interpretation where Numba is i
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cache
@@ -40,13 +44,79 @@ def kernel(function: Kernel) -> Kernel:
 
 def entry(function: Kernel) -> Kernel:
     """A kernel that Python calls: compiled on its first call, the machine code kept on disk for the next process."""
-    return _compiled(function, cache=True) if COMPILED else function
+    if not COMPILED:
+        return function
+    if CACHE is None:
+        return _compiled(function)
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(CACHE)  # type: ignore[attr-defined]
+    try:
+        return _compiled(function, cache=True)
+    finally:
+        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
 def _compiled(function: Kernel, **options: Any) -> Any:
     njit: Any = numba.njit  # its type stubs do not know every option
     # Kernels allocate nothing. Without the counting of references to arrays they run a quarter faster.
     return njit(_nrt=False, **options)(function)
+
+
+def _cache_folder() -> Path | None:
+    # Numba compiles an entry again when its own file changes or the processor is another, but not when a kernel changes
+    # that it calls. So each content of the sources has a folder of its own; None if none can be written. Those of
+    # former contents go.
+    here = Path(__file__).parent
+    installed = _digest(str(here), sys.version, numba.__version__, np.__version__)
+    name = f"billiards_sim-{installed}-{_digest(*(path.read_bytes() for path in sorted(here.glob('*.py'))))}"
+    given: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    of_user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    parents = [Path(given)] if given else []
+    parents += [here / "__pycache__"] + [Path(of_user)] * os.path.isabs(of_user)
+    for parent in parents:
+        folder = parent.absolute() / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError:
+            continue
+        for former in parent.glob(f"billiards_sim-{installed}-*"):
+            if former != folder:
+                shutil.rmtree(former, ignore_errors=True)
+        return folder
+    return None
+
+
+def _digest(*parts: str | bytes) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        content = part.encode() if isinstance(part, str) else part
+        digest.update(b"%d " % len(content) + content)
+    return digest.hexdigest()[:16]
+
+
+def _announce_compiling() -> None:
+    # Numba tells of a compilation only when the cache does not hold its result.
+    event: Any = importlib.import_module("numba.core.event")
+    future = "it is kept for the next time"
+    if CACHE is None:
+        future = "it cannot be kept, no cache directory can be written: NUMBA_CACHE_DIR may name one"
+
+    class Announcer(event.Listener):  # type: ignore[misc]
+        def on_start(self, compilation: Any) -> None:
+            if compilation.data["dispatcher"].py_func.__module__.startswith(__package__):
+                event.unregister("numba:compile", self)
+                print(f"billiards_sim: compiling the engine, about 10 s; {future}", file=sys.stderr)
+
+        def on_end(self, compilation: Any) -> None:
+            pass
+
+    event.register("numba:compile", Announcer())
+
+
+CACHE = _cache_folder() if COMPILED else None
+if COMPILED:
+    _announce_compiling()
 
 
 def rows(kind: type[Row], count: int) -> Sequence[Row]:
@@ -137,37 +207,3 @@ def _layout(kind: type[Any]) -> np.dtype[Any]:
     sizes = {"float": np.float64, "int": np.int64, "bool": np.bool_}
     layout = np.dtype([(field.name, sizes[str(field.type)]) for field in fields(kind)], align=True)
     return np.dtype((np.record, layout))
-
-
-def _drop_stale_cache() -> None:
-    # Numba compiles an entry again when its own file changes, not when a kernel that it calls does. Dropping whatever
-    # is older than the newest source keeps an edited or updated engine from running old machine code.
-    here = Path(__file__).parent
-    newest = max(path.stat().st_mtime for path in here.glob("*.py"))
-    for cached in here.glob("__pycache__/*.nb[ic]"):
-        try:
-            if cached.stat().st_mtime < newest:
-                cached.unlink()
-        except OSError:
-            pass  # another process was faster, or the directory is read-only
-
-
-def _announce_compiling() -> None:
-    # Numba tells of a compilation only when the cache does not hold its result.
-    event: Any = importlib.import_module("numba.core.event")
-
-    class Announcer(event.Listener):  # type: ignore[misc]
-        def on_start(self, compilation: Any) -> None:
-            if compilation.data["dispatcher"].py_func.__module__.startswith(__package__):
-                event.unregister("numba:compile", self)
-                print("billiards_sim: compiling the engine, about 10 s; it is kept for the next time", file=sys.stderr)
-
-        def on_end(self, compilation: Any) -> None:
-            pass
-
-    event.register("numba:compile", Announcer())
-
-
-if COMPILED:
-    _drop_stale_cache()
-    _announce_compiling()

@@ -95,7 +95,9 @@ def run_followed(
     state: State, turns: Sequence[Turn], tape: Tape, constants: Constants, until: float, taken: int, work: int
 ) -> int:
     """What `run_until` does, with orientations that follow every ball's motion and arcs that are written down."""
-    run_until(state, constants, until, taken, 0)
+    # For a literal number Numba would compile the whole loop again.
+    none, one = -work, min(work, 1)
+    run_until(state, constants, until, taken, none)
     follow(state, turns)
     _write(state, tape)
     room = len(tape.arcs) - len(tape.latest)
@@ -105,7 +107,7 @@ def run_followed(
         if tape.spool[0].arcs > room:
             return PAUSED
         passes = clock.passes
-        status = run_until(state, constants, until, taken, 1)
+        status = run_until(state, constants, until, taken, one)
         follow(state, turns)
         _write(state, tape)
         if status != PAUSED or clock.passes == passes:
