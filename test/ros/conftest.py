@@ -2,6 +2,7 @@
 """Tests of the ROS side: on this machine only, in ROS domains of their own, with checked message fields."""
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from itertools import count
 
@@ -9,7 +10,7 @@ import pytest
 import rclpy
 from process import Client, Process
 
-from billiards_sim.ros.process import claim_domain
+from billiards_sim.ros.process import STOPPING, claim_domain
 from billiards_sim.ros.table_node import TableNode
 
 _starts = count(os.getpid())
@@ -18,6 +19,9 @@ OWN_DOMAIN, _own_claim = claim_domain(next(_starts))  # tests run side by side i
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["ROS_DOMAIN_ID"] = str(OWN_DOMAIN)
+for number in STOPPING:
+    if signal.getsignal(number) is signal.SIG_IGN:  # under nohup or in the background: processes would inherit it
+        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 for name in ("RMW_IMPLEMENTATION", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS"):
     os.environ.pop(name, None)
 

@@ -163,7 +163,7 @@ def test_signals_end_the_table_with_code_0(site: Site, number: int, when: str) -
     table.wait_for(when)
     table.signal(number)
     table.signal(number)  # nor does an impatient second one disturb it
-    assert table.wait() == 0
+    assert table.wait() == 0, table.stderr
     assert "Traceback" not in table.stderr
 
 
