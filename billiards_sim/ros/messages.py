@@ -109,17 +109,19 @@ class Poses:
         self._serialized = Serialized(message)
         self._poses = self._serialized.numbers((count, 7))
 
-    def at(self, positions: NDArray[np.float64], stamp: int, orientations: NDArray[np.float64] | None = None) -> bytes:
-        """The serialized message.
+    def show(self, positions: NDArray[np.float64], orientations: NDArray[np.float64] | None = None) -> None:
+        """Say where the balls are.
 
         Args:
             positions: (N, 2) m.
-            stamp: ns.
             orientations: (N, 4) unit quaternions x y z w.
         """
         self._poses[:, :2] = positions
         if orientations is not None:
             self._poses[:, 3:] = orientations
+
+    def stamped(self, stamp: int) -> bytes:
+        """The serialized message with this stamp, ns."""
         return self._serialized.stamped(stamp)
 
 
@@ -144,21 +146,19 @@ class States:
         self._twists = self._serialized.numbers((len(names), 6), LENGTH)
         self._transforms = self._serialized.numbers((len(names), 7), LENGTH + self._twists.nbytes + DOUBLE)
 
-    def at(
+    def show(
         self,
         positions: NDArray[np.float64],
         velocities: NDArray[np.float64],
         spins: NDArray[np.float64],
-        stamp: int,
         orientations: NDArray[np.float64] | None = None,
-    ) -> bytes:
-        """The serialized message.
+    ) -> None:
+        """Say where the balls are and how they move.
 
         Args:
             positions: (N, 2) m.
             velocities: (N, 2) m/s.
             spins: (N, 3) rad/s.
-            stamp: ns.
             orientations: (N, 4) unit quaternions x y z w.
         """
         self._transforms[:, :2] = positions
@@ -166,6 +166,9 @@ class States:
             self._transforms[:, 3:] = orientations
         self._twists[:, :2] = velocities
         self._twists[:, 3:] = spins
+
+    def stamped(self, stamp: int) -> bytes:
+        """The serialized message with this stamp, ns."""
         return self._serialized.stamped(stamp)
 
 

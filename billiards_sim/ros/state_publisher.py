@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from billiards_sim.engine.events import Event
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import markers, messages
 from billiards_sim.ros.event_queue import EventQueue
+from billiards_sim.ros.look import Look
 from billiards_sim.ros.messages import Stamps
 from billiards_sim.ros.parameters import Settings
 from billiards_sim.ros.qos import EVENT_DEPTH, LATCHED, MOST_BALLS, STATE_DEPTH, TF_DEPTH
@@ -32,33 +32,6 @@ MOST_DRAWN = 200
 
 TWIST_PERIOD = 1.0
 """s between two twists of a ball that rests: whoever missed one knows it soon."""
-
-
-class Look:
-    """What there is to see of a simulation now; each part is made when it is first asked for."""
-
-    def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
-
-    @cached_property
-    def positions(self) -> NDArray[np.float64]:
-        """(N, 2) m."""
-        return self._simulation.positions
-
-    @cached_property
-    def velocities(self) -> NDArray[np.float64]:
-        """(N, 2) m/s."""
-        return self._simulation.velocities
-
-    @cached_property
-    def spins(self) -> NDArray[np.float64]:
-        """(N, 3) rad/s."""
-        return self._simulation.angular_velocities
-
-    @cached_property
-    def orientations(self) -> NDArray[np.float64] | None:
-        """(N, 4) x y z w; None where they are not tracked."""
-        return self._simulation.orientations if self._simulation.start_scene.track_orientation else None
 
 
 class Forms:
@@ -118,6 +91,10 @@ class StatePublisher:
         self._at_rest: bool | None = None
         self._ticks = 0
         self._markers_due = 0.0
+        self._turned: NDArray[np.float64] | None = None
+        self._look: Look | None = None  # of the last tick
+        self._stated: Look | None = None  # what `balls/states` shows
+        self._posed: Look | None = None  # what `balls/poses` shows
         self.use(self.prepare(settings))
 
     def prepare(self, settings: Settings) -> Forms:
@@ -135,6 +112,7 @@ class StatePublisher:
     def use(self, forms: Forms) -> None:
         """Publish by these forms, and the balls of their scene, from now on."""
         self._forms = forms
+        self._look = None
         self._twists_due = np.ones(len(forms.scene), dtype=bool)
         for topic in self._shared.keys() - forms.shared.keys():
             self._node.destroy_publisher(self._shared.pop(topic))
@@ -149,8 +127,14 @@ class StatePublisher:
         for publisher in (self._markers_publisher, self._table_publisher):
             publisher.publish(markers.erasing())
 
-    def jump(self) -> None:
-        """The balls are not where they were before."""
+    def jump(self, turned: NDArray[np.float64] | None = None) -> None:
+        """The balls are not where they were before, or another simulation plays them.
+
+        Args:
+            turned: (N, 4) how they are turned now, from `orientations`; None for upright.
+        """
+        self._turned = turned
+        self._look = None
         self._twists_due = np.ones(len(self._forms.scene), dtype=bool)
         self._forms.balls.restart()
 
@@ -158,6 +142,7 @@ class StatePublisher:
         """What happened: it goes out with this state and, where it is much, the next ones."""
         if len(events) == 0:
             return
+        self._look = None
         if _heard(self._markers_publisher):
             self._forms.balls.note(events[-MOST_DRAWN:])
         if _heard(self._collisions_publisher):
@@ -168,25 +153,36 @@ class StatePublisher:
         """Events that were too many to wait, since the start."""
         return self._events.dropped
 
-    def state(self, simulation: Simulation, stamp: int) -> None:
-        """Where the balls are and how they move."""
+    def orientations(self, simulation: Simulation) -> NDArray[np.float64] | None:
+        """(N, 4) how the balls are turned since the start of their scene; None where that is not tracked."""
+        return Look(simulation, False, self._turned).orientations
+
+    def state(self, simulation: Simulation, at_rest: bool, stamp: int) -> None:
+        """Where the balls are and how they move; `at_rest` is the simulation's."""
         self._publish_events()
         if "/clock" in self._forms.shared:
             messages.set_stamp(self._clock.clock, stamp)
             self._shared["/clock"].publish(self._clock)
-        look = Look(simulation)
+        if self._look is None or not (at_rest and self._look.still):
+            self._look = Look(simulation, at_rest, self._turned)
+        look = self._look
         if _heard(self._states_publisher):
-            message = self._forms.states.at(look.positions, look.velocities, look.spins, stamp, look.orientations)
-            self._states_publisher.publish(message)
+            if self._stated is not look:
+                self._forms.states.show(look.positions, look.velocities, look.spins, look.orientations)
+                self._stated = look
+            self._states_publisher.publish(self._forms.states.stamped(stamp))
         if _heard(self._poses_publisher):
-            self._poses_publisher.publish(self._forms.poses.at(look.positions, stamp, look.orientations))
+            if self._posed is not look:
+                self._forms.poses.show(look.positions, look.orientations)
+                self._posed = look
+            self._poses_publisher.publish(self._forms.poses.stamped(stamp))
         frames = self._forms.frames
         if frames is not None and _heard(self._shared["/tf"]):
             positions, orientations = _floats(look)
             self._shared["/tf"].publish(frames.at(positions, stamp, orientations))
         if _heard(self._twists_publisher):
-            self._publish_twists(simulation.at_rest, look, stamp)
-        self.at_rest(simulation)
+            self._publish_twists(look, stamp)
+        self._publish_rest(at_rest)
         self._ticks += 1
 
     def happenings(self, simulation: Simulation) -> None:
@@ -194,21 +190,24 @@ class StatePublisher:
         self._publish_events()
         self.at_rest(simulation)
 
-    def draw(self, simulation: Simulation, stamp: int) -> None:
-        """Markers, if they are due at this tick."""
+    def draw(self, stamp: int) -> None:
+        """Markers of the last state, if they are due at this tick."""
         self._markers_due += self._forms.markers_a_tick
         if self._markers_due < 1.0:
             return
         self._markers_due -= 1.0
-        if _heard(self._markers_publisher):
-            positions, orientations = _floats(Look(simulation))
+        if _heard(self._markers_publisher) and self._look is not None:
+            positions, orientations = _floats(self._look)
             self._markers_publisher.publish(self._forms.balls.update(positions, stamp, orientations))
         else:
             self._forms.balls.restart()
 
     def at_rest(self, simulation: Simulation) -> None:
         """Whether all balls rest, where that is new. It comes after the events of the way there."""
-        at_rest = simulation.at_rest and not len(self._events)
+        self._publish_rest(simulation.at_rest)
+
+    def _publish_rest(self, at_rest: bool) -> None:
+        at_rest = at_rest and not len(self._events)
         if at_rest != self._at_rest:
             self._at_rest = at_rest
             self._at_rest_publisher.publish(Bool(data=at_rest))
@@ -217,10 +216,10 @@ class StatePublisher:
         if len(self._events):
             self._collisions_publisher.publish(String(data=json.dumps(self._events.take())))
 
-    def _publish_twists(self, at_rest: bool, look: Look, stamp: int) -> None:
+    def _publish_twists(self, look: Look, stamp: int) -> None:
         # Every tick of a ball that moves, once when it has come to rest, and then when it is its turn.
         due = self._twists_due | (self._forms.turns == self._ticks % self._forms.round)
-        if at_rest and not due.any():
+        if look.at_rest and not due.any():
             return
         motion = np.concatenate((look.velocities, look.spins[:, :2]), axis=1)
         moving = np.abs(motion).max(axis=1) > 0.0

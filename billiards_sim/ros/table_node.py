@@ -128,6 +128,7 @@ class TableNode(Node):
         self._next_logs: dict[str, float] = {}  # s, of the steady clock, by what is told
         self._lost_before = 0.0  # s, `metronome.lost` at the last tick
         self._lost_time = 0.0  # s that stamps are behind the clock, and that the log has not told of
+        self._lags = False  # whether stamps count simulated time, which may fall behind the clock
         self._stamps_ended = False
         self._followed = FollowedClock()
         self._dropped_events = 0  # of `_publisher.dropped_events`, likewise
@@ -196,18 +197,23 @@ class TableNode(Node):
         """Go on by `duration` s of simulated time, or by as much as `WORK_BUDGET` allows, and publish the state."""
         rested, stamp, until = self._simulation.at_rest, self._stamp(), self._simulation.time + duration
         try:
-            self._publisher.events(self._simulation.advance(duration, budget=WORK_BUDGET), self._stamps)
-            missing = until - self._simulation.time
-            self._lost_time += missing if missing > TIME_ROUNDING else 0.0
+            events = self._simulation.advance(duration, budget=WORK_BUDGET)
         except StallError as error:
             self.get_logger().error(f"the table goes back to the start of its scene: {error}")
             self._publisher.events(error.events, self._stamps)
             self._restart()
-        if self._simulation.at_rest and not self._settings.publish_clock:
+            at_rest = self._simulation.at_rest
+        else:
+            self._publisher.events(events, self._stamps)
+            missing = until - self._simulation.time
+            self._lost_time += missing if missing > TIME_ROUNDING else 0.0
+            at_rest = self._simulation.at_rest if len(events) else rested
+        self._lags = self._settings.publish_clock or not at_rest
+        if at_rest and not self._settings.publish_clock:
             # Simulated time that went on at rest does not count. No stamp goes back or, lest tf complain, comes twice.
             earliest = 1 + (stamp if rested else self._stamp())
             self._stamps = messages.Stamps(max(self._now(), earliest), self._simulation.time)
-        self._publisher.state(self._simulation, self._stamp())
+        self._publisher.state(self._simulation, at_rest, self._stamp())
 
     def reset(self) -> str:
         """Back to the start of the scene, or to a new one; returns what is now on the table.
@@ -269,7 +275,7 @@ class TableNode(Node):
 
     def _on_tick(self, duration: float) -> None:
         self.advance(0.0 if self._paused else duration)
-        self._publisher.draw(self._simulation, self._stamp())
+        self._publisher.draw(self._stamp())
         self._log_lost_time()
         self._log_end_of_stamps()
         self._log_dropped_events()
@@ -336,8 +342,7 @@ class TableNode(Node):
     def _place(self, settings: parameters.Settings, positions: NDArray[np.float64]) -> None:
         if self._settings is not settings:
             raise ValueError("the table was reset meanwhile")
-        self._simulation = self._resting(settings.scene, positions, np.zeros((len(settings.scene), 3)))
-        self._publisher.jump()
+        self._put(self._resting(settings.scene, positions, np.zeros((len(settings.scene), 3))))
 
     @between_ticks
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -409,6 +414,13 @@ class TableNode(Node):
         self._relaid(settings.scene)  # only to see that it can be: time goes on until the change comes into force
         return Change(settings, after_reset, self._publisher.prepare(settings))
 
+    def _put(self, simulation: Simulation) -> None:
+        # The balls may lie elsewhere then, but are turned as they are.
+        if simulation is not self._simulation:
+            turned = self._publisher.orientations(self._simulation)
+            self._simulation = simulation
+            self._publisher.jump(turned)
+
     def _relaid(self, scene: Scene) -> Simulation:
         # The balls where they lie, under the new physics.
         simulation, old = self._simulation, self._scene
@@ -429,7 +441,7 @@ class TableNode(Node):
         if self._change is None:
             return
         change, self._change = self._change, None
-        self._simulation = self._relaid(change.settings.scene)
+        self._put(self._relaid(change.settings.scene))
         moved = change.settings.frame_id != self._settings.frame_id
         self._settings, self._after_reset = change.settings, change.after_reset
         self.metronome.set_rate(self._settings.update_rate)
@@ -454,8 +466,8 @@ class TableNode(Node):
         self._lost_time += lost
 
     def _log_lost_time(self) -> None:
-        if self._simulation.at_rest and not self._settings.publish_clock:
-            self._lost_time = 0.0  # stamps follow the clock
+        if not self._lags:
+            self._lost_time = 0.0
             return
         if self._lost_time >= LOST_TIME_TOLD and self._may_log("lost time"):
             self.get_logger().warning(

@@ -32,8 +32,7 @@ def test_no_stamp_is_beyond_the_last_that_a_message_can_have() -> None:
     assert stamps.at(4e-9) == messages.LAST_STAMP - 1
     assert [stamps.at(time) for time in (5e-9, 6e-9, 1e12)] == [messages.LAST_STAMP] * 3
     states = messages.States(("cue",), 0.03, "table")
-    sent = states.at(POSITIONS[:1], POSITIONS[:1], np.zeros((1, 3)), stamps.at(1.0))
-    stamp = deserialize_message(sent, MultiDOFJointState).header.stamp
+    stamp = deserialize_message(states.stamped(stamps.at(1.0)), MultiDOFJointState).header.stamp
     assert (stamp.sec, stamp.nanosec) == (2**31 - 1, 999_999_999)
 
 
@@ -57,17 +56,20 @@ POSITIONS = np.array([[1.0, 2.0], [3.0, 4.0]])
 
 def test_poses_are_what_rclpy_would_have_sent() -> None:
     poses = messages.Poses(2, 0.03, "table")
-    message = deserialize_message(poses.at(POSITIONS, EPOCH), PoseArray)
+    poses.show(POSITIONS)
+    message = deserialize_message(poses.stamped(EPOCH), PoseArray)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
     assert message.header.frame_id == "table"
     assert [(p.position.x, p.position.y, p.position.z) for p in message.poses] == [(1.0, 2.0, 0.03), (3.0, 4.0, 0.03)]
     assert all(p.orientation == Quaternion(w=1.0) for p in message.poses)
-    assert serialize_message(message) == poses.at(POSITIONS, EPOCH)
+    assert serialize_message(message) == poses.stamped(EPOCH)
 
 
 def test_poses_carry_orientations_where_they_are_given() -> None:
     turns = np.array([[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
-    message = deserialize_message(messages.Poses(2, 0.03, "table").at(POSITIONS, EPOCH, turns), PoseArray)
+    poses = messages.Poses(2, 0.03, "table")
+    poses.show(POSITIONS, turns)
+    message = deserialize_message(poses.stamped(EPOCH), PoseArray)
     turned = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in message.poses]
     assert turned == [(0.6, 0.0, 0.0, 0.8), (0.0, 0.6, 0.8, 0.0)]
 
@@ -93,8 +95,9 @@ def expected_states(names: Sequence[str], turned: bool) -> tuple[MultiDOFJointSt
 def test_states_are_what_rclpy_would_have_sent(names: Sequence[str], turned: bool) -> None:
     expected, (positions, velocities, spins, turns) = expected_states(names, turned)
     states = messages.States(names, 0.03, "table")
-    states.at(positions + 1.0, velocities, spins, 0)
-    sent = states.at(positions, velocities, spins, EPOCH, turns if turned else None)
+    states.show(positions + 1.0, velocities, spins)
+    states.show(positions, velocities, spins, turns if turned else None)
+    sent = states.stamped(EPOCH)
     assert deserialize_message(sent, MultiDOFJointState) == expected
     assert len(sent) == len(serialize_message(expected))  # bytes that only align others may be any
 
@@ -112,9 +115,10 @@ def test_a_twist_names_its_ball_and_the_table(name: str) -> None:
 
 def test_a_message_that_was_taken_does_not_change_with_the_next() -> None:
     poses = messages.Poses(2, 0.03, "table")
-    first = poses.at(POSITIONS, EPOCH)
+    first = poses.stamped(EPOCH)
     kept = bytes(bytearray(first))
-    poses.at(POSITIONS + 1.0, EPOCH + 1)
+    poses.show(POSITIONS + 1.0)
+    poses.stamped(EPOCH + 1)
     assert first == kept
 
 
