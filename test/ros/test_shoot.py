@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 import billiards_sim as bs
 from billiards_sim.engine.aim import Aim
-from billiards_sim.ros.tools.commentary import Commentary
+from billiards_sim.ros.tools.commentary import SLIGHT, Commentary
 from billiards_sim.ros.tools.shoot import NoAnswer, Shooter, _describe
 from billiards_sim.ros.wrench import wrench_from_shot
 
@@ -35,23 +35,53 @@ def event(kind: str, time: float, *balls: str) -> dict:
 def test_a_commentary_ends_when_every_ball_that_moved_rests() -> None:
     commentary = Commentary()
     told = [
-        commentary.take(event("shot", 2.0, "cue")),
-        commentary.take(event("ball_ball", 2.5, "cue", "1")),
-        commentary.take(event("rolling", 2.6, "cue")),
-        commentary.take(event("rest", 3.0, "cue")),
+        *commentary.take(event("ball_rail", 1.9, "7")),  # of an earlier shot
+        *commentary.take(event("shot", 2.0, "cue")),
+        *commentary.take(event("ball_ball", 2.5, "cue", "1")),
+        *commentary.take(event("rolling", 2.6, "cue")),
+        *commentary.take(event("rest", 3.0, "cue")),
     ]
     assert commentary.finished is False
-    told += [commentary.take(event("ball_rail", 3.5, "1")), commentary.take(event("rest", 4.0, "1"))]
+    told += [*commentary.take(event("ball_rail", 3.5, "1")), *commentary.take(event("rest", 4.0, "1"))]
     assert commentary.finished is True
     assert [line.strip() for line in told] == [
         "0.0000 s  the cue hits ball cue with 0.5 N s",
         "0.5000 s  ball cue and ball 1 at 1 m/s",
-        "",
-        "",
         "1.5000 s  ball 1 and rail x_max at 1 m/s",
-        "",
     ]
     assert (commentary.first_time, commentary.last_time) == (2.0, 4.0)
+    assert commentary.counts == {"shot": 1, "ball_ball": 1, "ball_rail": 1, "rolling": 1, "rest": 2}
+
+
+def test_a_burst_of_slight_contacts_is_one_line() -> None:
+    commentary = Commentary()
+    events = [event("shot", 0.0, "cue"), event("ball_ball", 0.1, "cue", "1")]
+    slight = [event("ball_ball", 0.1 + 0.001 * number, "1", "2") for number in range(1, 21)]
+    end = [
+        event("rolling", 0.15, "1"),
+        event("ball_rail", 0.2, "2"),
+        event("rest", 0.3, "cue"),
+        event("rest", 0.4, "1"),
+    ]
+    last = [event("ball_rail", 0.5, "2"), event("rest", 0.6, "2")]
+    for one in (*slight, last[0]):
+        one["approach_speed"] = 0.9 * SLIGHT
+    told = [line.strip() for one in (*events, *slight, *end, *last) for line in commentary.take(one)]
+    assert told == [
+        "0.0000 s  the cue hits ball cue with 0.5 N s",
+        "0.1000 s  ball cue and ball 1 at 1 m/s",
+        "0.1010 s  20 contacts below 0.001 m/s within 0.0190 s",
+        "0.2000 s  ball 2 and rail x_max at 1 m/s",
+        "0.5000 s  1 contact below 0.001 m/s",
+    ]
+    assert commentary.counts["ball_ball"] == 21
+    assert commentary.held_back() == []
+
+
+def test_a_slight_contact_moves_a_ball_by_less_than_can_be_seen() -> None:
+    """The distance that a ball rolls from there, by the closed form v^2 / (2 mu g)."""
+    physics = bs.Physics()
+    assert SLIGHT**2 / (2.0 * physics.rolling_friction * physics.gravity) < 1e-5
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,14 @@ import math
 from collections import Counter
 from typing import Any
 
+SLIGHT = 1e-3
+"""m/s. A ball that a contact leaves so slow rolls 5 um on the default cloth: nobody sees it, and a cluster has many."""
+
 
 class Commentary:
     """Follows one shot from its `shot` event until every ball that moved rests.
+
+    Slight contacts in a row are told together.
 
     Attributes:
         counts: events by kind.
@@ -22,20 +27,18 @@ class Commentary:
         self.first_time = math.nan
         self.last_time = math.nan
         self._moving: set[str] = set()
+        self._slight: list[float] = []  # s, times of slight contacts that are not told yet
 
     @property
     def finished(self) -> bool:
         """Whether the last event has been taken."""
         return self.counts["shot"] > 0 and not self._moving
 
-    def take(self, event: dict[str, Any]) -> str:
-        """Note an event; returns the line that tells of it, or nothing for the end of slip or of motion.
-
-        What comes before the shot belongs to an earlier one.
-        """
+    def take(self, event: dict[str, Any]) -> list[str]:
+        """Note an event; returns the lines to be told now. What comes before the shot belongs to an earlier one."""
         kind = event["kind"]
         if not self.counts["shot"] and kind != "shot":
-            return ""
+            return []
         self.counts[kind] += 1
         self.last_time = event["time"]
         if kind == "shot":
@@ -44,8 +47,25 @@ class Commentary:
             self._moving.difference_update(event["balls"])
         else:
             self._moving.update(event["balls"])
+        if kind in ("ball_ball", "ball_rail") and event["approach_speed"] < SLIGHT:
+            self._slight.append(event["time"])
+            return []
         text = describe(event)
-        return f"  {event['time'] - self.first_time:7.4f} s  {text}" if text else ""
+        lines = self.held_back() if text or self.finished else []
+        return [*lines, self._line(event["time"], text)] if text else lines
+
+    def held_back(self) -> list[str]:
+        """The line of the slight contacts that are not told yet, if there are any."""
+        times, self._slight = self._slight, []
+        if not times:
+            return []
+        text = f"1 contact below {SLIGHT:g} m/s"
+        if len(times) > 1:
+            text = f"{len(times)} contacts below {SLIGHT:g} m/s within {times[-1] - times[0]:.4f} s"
+        return [self._line(times[0], text)]
+
+    def _line(self, time: float, text: str) -> str:
+        return f"  {time - self.first_time:7.4f} s  {text}"
 
 
 def describe(event: dict[str, Any]) -> str:

@@ -52,8 +52,7 @@ class Spectator(Node):
 
     def _on_collisions(self, message: String) -> None:
         for event in json.loads(message.data)["events"]:
-            line = self.commentary.take(event)
-            if line:
+            for line in self.commentary.take(event):
                 say(line)
 
     def _on_poses(self, message: PoseArray) -> None:

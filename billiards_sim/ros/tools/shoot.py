@@ -140,12 +140,13 @@ class Shooter(Node):
             if self._has_moved and self._at_rest:
                 last = last or time.monotonic() + LAST_EVENTS
                 if time.monotonic() > last:
-                    return
+                    break
             self._executor.spin_once(timeout_sec=0.1)
             while self._events:
-                line = commentary.take(self._events.popleft())
-                if line:
+                for line in commentary.take(self._events.popleft()):
                     say(line)
+        for line in commentary.held_back():
+            say(line)
 
     def _wait_for_table(self, publisher: Any) -> None:
         def listens() -> bool:
@@ -288,9 +289,10 @@ def _print_preview(answer: dict[str, Any]) -> None:
     say(f"shoot: would be accepted at {answer['time']:.3f} s of the table's time")
     commentary = Commentary()
     for event in answer["events"]:
-        line = commentary.take(event)
-        if line:
+        for line in commentary.take(event):
             say(line)
+    for line in commentary.held_back():
+        say(line)
     ended = "at rest" if answer["complete"] else "still moving, the preview ends"
     say(f"shoot: {ended} after {answer['duration']:.3f} s; the balls would lie at")
     for name, (x, y) in answer["final_positions"].items():
