@@ -140,6 +140,16 @@ def copy_rows(table: Any) -> Any:
     return join_rows([table])
 
 
+def as_rows(kind: type[Row], table: Any) -> Sequence[Row]:
+    """A copy of a table that may come from a process where the kernels were compiled and here are not, or reversely."""
+    values = table.tolist() if isinstance(table, np.ndarray) else [_values(kind)(row) for row in table]  # type: ignore[arg-type]
+    if not COMPILED:
+        return [kind(*row) for row in values]
+    copy = rows(kind, len(values))
+    copy[:] = values  # type: ignore[index]
+    return copy
+
+
 def take_rows(table: Any, indices: NDArray[np.intp]) -> Any:
     """Copies of the records with these indices, (rows,), which may repeat."""
     return table[indices] if COMPILED else copy_rows([table[index] for index in indices.tolist()])

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from billiards_sim.engine.jit import COMPILED, columns, copy_rows, get_field, rows, set_columns
+from billiards_sim.engine.jit import COMPILED, as_rows, columns, copy_rows, get_field, rows, set_columns
 from billiards_sim.engine.loop import CONTACTS_PER_BALL
 from billiards_sim.engine.orientation import Turn, turn_all
 from billiards_sim.engine.scene import Scene, Shot
@@ -187,6 +187,30 @@ def copied(moment: Moment) -> Moment:
             log=_new_log(count),
         ),
         turns=copy_rows(moment.turns),
+    )
+
+
+def packed(moment: Moment) -> Moment:
+    """One to be kept outside of the process, without scratch."""
+    moment = moment.with_log_taken()
+    state = moment.state._replace(members=(), impacts=(), log=())
+    last_shot = moment.last_shot and (packed(moment.last_shot[0]), moment.last_shot[1])
+    return moment._replace(state=state, last_shot=last_shot)
+
+
+def unpacked(moment: Moment) -> Moment:
+    """What was packed, perhaps by a process where the kernels were compiled and here are not, or reversely."""
+    count = len(moment.state.balls)
+    kinds = State(Ball, Slot, Slot, Slot, Slot, Contact, Impact, Clock, Record)  # type: ignore[arg-type]
+    state = State(*(as_rows(kind, table) for kind, table in zip(kinds, moment.state)))  # type: ignore[arg-type]
+    state = state._replace(
+        members=rows(Slot, count), impacts=rows(Impact, CONTACTS_PER_BALL * count), log=_new_log(count)
+    )
+    return moment._replace(
+        state=state,
+        turns=as_rows(Turn, moment.turns),
+        pending=tuple(as_rows(Record, table) for table in moment.pending),
+        last_shot=moment.last_shot and (unpacked(moment.last_shot[0]), moment.last_shot[1]),
     )
 
 

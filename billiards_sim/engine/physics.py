@@ -13,6 +13,10 @@ from billiards_sim.engine.quantity import check_quantities, quantity
 LARGEST = 1e6
 """In SI units, of every constant that has no bound by its nature: beyond, products of them overflow."""
 
+SMALLEST = 1e-6
+"""In SI units, of every constant that is not 0: below, quotients of them overflow, and a ball would be no larger than
+what its position is rounded by."""
+
 
 @dataclass(frozen=True)
 class Physics:
@@ -21,9 +25,9 @@ class Physics:
     All values are SI. A value out of bounds raises `ValueError`.
     """
 
-    mass: float = quantity(0.160, "kg", "mass of a ball", above=0.0, maximum=LARGEST)
-    radius: float = quantity(0.028575, "m", "radius of a ball", above=0.0, maximum=LARGEST)
-    gravity: float = quantity(9.81, "m/s^2", "gravitational acceleration", above=0.0, maximum=LARGEST)
+    mass: float = quantity(0.160, "kg", "mass of a ball", minimum=SMALLEST, maximum=LARGEST)
+    radius: float = quantity(0.028575, "m", "radius of a ball", minimum=SMALLEST, maximum=LARGEST)
+    gravity: float = quantity(9.81, "m/s^2", "gravitational acceleration", minimum=SMALLEST, maximum=LARGEST)
     sliding_friction: float = quantity(
         0.2, "1", "friction coefficient of a ball sliding on the cloth", minimum=0.0, maximum=LARGEST
     )
@@ -34,7 +38,7 @@ class Physics:
         0.7, "1", "share of the normal speed that a rail gives back", minimum=0.0, maximum=1.0
     )
     cue_contact_time: float = quantity(
-        0.01, "s", "time for which the cue tip pushes the ball", above=0.0, maximum=LARGEST
+        0.01, "s", "time for which the cue tip pushes the ball", minimum=SMALLEST, maximum=LARGEST
     )
 
     def __post_init__(self) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,21 @@ class Scene:
     def __len__(self) -> int:
         return len(self.names)
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Scene):
+            return NotImplemented
+        pairs = [(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)]
+        return self is other or all(np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b for a, b in pairs)
+
+    def __hash__(self) -> int:
+        return hash((self.names, self.table, self.physics, self.name, self.shot))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False  # which copies and unpickled arrays are not
+
 
 def _check_type(name: str, value: Any, expected: type) -> None:
     if not isinstance(value, expected):
@@ -158,9 +174,9 @@ def _check_name(name: Any) -> None:
 def _rows(key: str, given: ArrayLike | None, names: tuple[str, ...], width: int) -> NDArray[np.float64]:
     count = len(names)
     try:
-        rows = np.zeros((count, width)) if given is None else np.array(given, dtype=np.float64)
+        rows = np.zeros((count, width)) if given is None else _floats(given)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{key} must be numbers of shape ({count}, {width}), got {given!r}") from None
+        raise ValueError(f"{key} must be numbers of shape ({count}, {width}), got {shown(given)}") from None
     if rows.shape != (count, width):
         raise ValueError(f"{key} must have shape ({count}, {width}), got {rows.shape}")
     for name, row in zip(names, rows, strict=True):
@@ -168,6 +184,15 @@ def _rows(key: str, given: ArrayLike | None, names: tuple[str, ...], width: int)
             raise ValueError(f"{key} of ball {name!r} must be finite, got {row.tolist()}")
     rows.flags.writeable = False
     return rows
+
+
+def _floats(given: ArrayLike) -> NDArray[np.float64]:
+    # A copy. NumPy would take truth values and texts for numbers, and leave out the imaginary part of complex ones.
+    if not (isinstance(given, np.ndarray) and given.dtype.kind in "fiu"):
+        values = np.array(given, dtype=object).ravel().tolist()
+        if not all(isinstance(value, Real) and not isinstance(value, bool) for value in values):
+            raise ValueError
+    return np.array(given, dtype=np.float64)
 
 
 def _check_speeds(scene: Scene) -> None:

@@ -32,7 +32,7 @@ from billiards_sim.engine.jit import (
     table_of,
 )
 from billiards_sim.engine.loop import PAUSED, run_until
-from billiards_sim.engine.moment import Mark, Moment, begun_anew, copied, start
+from billiards_sim.engine.moment import Mark, Moment, begun_anew, copied, packed, start, unpacked
 from billiards_sim.engine.orientation import turn_all
 from billiards_sim.engine.quantity import listed
 from billiards_sim.engine.scene import Scene, Shot
@@ -140,6 +140,13 @@ class Snapshot:
     scene: Scene
     moment: Moment
 
+    def __getstate__(self) -> tuple[Scene, Moment]:
+        return self.scene, packed(self.moment)
+
+    def __setstate__(self, state: tuple[Scene, Moment]) -> None:
+        object.__setattr__(self, "scene", state[0])
+        object.__setattr__(self, "moment", unpacked(state[1]))
+
 
 class Simulation:
     """Balls in motion on a table. Between events motion is in closed form; events are exact roots.
@@ -225,6 +232,20 @@ class Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
         return self._at(copied(self._now.with_log_taken()))
 
+    def __copy__(self) -> Simulation:
+        return self.copy()
+
+    def __deepcopy__(self, _: object) -> Simulation:
+        return self.copy()
+
+    def __getstate__(self) -> tuple[Scene, Moment]:
+        return self._scene, packed(self._now)
+
+    def __setstate__(self, state: tuple[Scene, Moment]) -> None:
+        self._scene = state[0]
+        self._constants = constants(self._scene.physics, self._scene.table, len(self._scene))
+        self._now = unpacked(state[1])
+
     def snapshot(self) -> Snapshot:
         """The present state, to `restore` later, as often as wanted."""
         return Snapshot(self._scene, copied(self._now.with_log_taken()))
@@ -235,7 +256,7 @@ class Simulation:
         Raises:
             ValueError: the snapshot is of another scene.
         """
-        if snapshot.scene is not self._scene:
+        if snapshot.scene != self._scene:
             raise ValueError("the snapshot is of a simulation of another scene")
         self._now = copied(snapshot.moment)
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -21,6 +22,14 @@ GOOD = [[0.5, 0.5], [1.0, 0.5]]
         ({"positions": 3.0}, "at least one ball"),
         ({"positions": [[0.5, 0.5, 0.0]]}, r"positions must have shape \(1, 2\), got \(1, 3\)"),
         ({"positions": [["a", "b"]]}, r"positions must be numbers of shape \(1, 2\)"),
+        ({"positions": [["0.5", "0.5"]]}, r"positions must be numbers of shape \(1, 2\), got \[\['0.5', '0.5'\]\]"),
+        ({"positions": [[True, 0.5]]}, r"positions must be numbers of shape \(1, 2\), got \[\[True, 0.5\]\]"),
+        ({"positions": [[0.5 + 0j, 0.5]]}, r"positions must be numbers of shape \(1, 2\)"),
+        ({"positions": np.array([[0.5 + 1j, 0.5]])}, r"positions must be numbers of shape \(1, 2\)"),
+        ({"positions": np.array([[True, True]])}, r"positions must be numbers of shape \(1, 2\)"),
+        ({"positions": np.array([["0.5", "0.5"]])}, r"positions must be numbers of shape \(1, 2\)"),
+        ({"positions": [[0.5, 0.5], [1.0]]}, r"positions must be numbers of shape \(2, 2\)"),
+        ({"positions": [[10**400, 0.5]]}, r"positions must be numbers of shape \(1, 2\)"),
         ({"positions": [[0.5, math.nan]]}, "positions of ball 'cue' must be finite.*nan"),
         ({"positions": GOOD, "velocities": [[0.0, 0.0]]}, r"velocities must have shape \(2, 2\), got \(1, 2\)"),
         ({"positions": GOOD, "velocities": [[0, 0], [0, math.inf]]}, "velocities of ball '1' must be finite.*inf"),
@@ -55,6 +64,11 @@ def test_bad_scene_is_refused_with_the_ball_and_the_figure(arguments, complaint)
     assert "\n" not in str(refusal.value)
 
 
+def test_numbers_of_any_kind_are_positions() -> None:
+    for positions in ([[1, Fraction(1, 2)]], np.array([[1, 0.5]], dtype=np.float32), [np.array([1.0, 0.5])]):
+        assert bs.Scene(positions).positions.tolist() == [[1.0, 0.5]]
+
+
 def test_touching_balls_are_a_scene() -> None:
     bs.Scene([[1.0, 0.5], [1.0 + 2.0 * RADIUS, 0.5]])
     bs.Scene([[0.0508 + RADIUS, 0.5]])
@@ -63,14 +77,15 @@ def test_touching_balls_are_a_scene() -> None:
 @pytest.mark.parametrize(
     "owner, field, value, complaint",
     [
-        (bs.Physics, "mass", 0.0, r"physics.mass must be a number > 0, <= 1e\+06 \(kg\), got 0.0"),
+        (bs.Physics, "mass", 0.0, r"physics.mass must be a number >= 1e-06, <= 1e\+06 \(kg\), got 0.0"),
         (bs.Physics, "rail_restitution", 1.5, "physics.rail_restitution must be a number >= 0, <= 1"),
         (bs.Physics, "sliding_friction", -0.1, "physics.sliding_friction must be a number >= 0"),
-        (bs.Physics, "gravity", math.nan, "physics.gravity must be a number > 0"),
+        (bs.Physics, "radius", 1e-160, r"physics.radius must be a number >= 1e-06, .*\(m\), got 1e-160"),
+        (bs.Physics, "gravity", math.nan, "physics.gravity must be a number >= 1e-06"),
         (bs.Table, "length", "long", r"table.length must be a number > 0.*\(m\), got 'long'"),
-        (bs.Physics, "mass", True, "physics.mass must be a number > 0.*got True"),
-        (bs.Physics, "mass", 1j, "physics.mass must be a number > 0.*got 1j"),
-        (bs.Physics, "mass", np.bool_(True), "physics.mass must be a number > 0"),
+        (bs.Physics, "mass", True, "physics.mass must be a number >= 1e-06.*got True"),
+        (bs.Physics, "mass", 1j, "physics.mass must be a number >= 1e-06.*got 1j"),
+        (bs.Physics, "mass", np.bool_(True), "physics.mass must be a number >= 1e-06"),
         (bs.Table, "width", math.inf, "table.width must be a number > 0"),
     ],
 )

@@ -64,7 +64,7 @@ BAD = [
     ({"frame_prefix": "a\nb"}, "'frame_prefix' must be a string"),
     ({"frame_prefix": "x" * 201}, "'frame_prefix' must have at most 200 characters, got 201"),
     ({"frame_id": "cue", "publish_tf": True}, "cannot both have the frame 'cue'"),
-    ({"physics.mass": 0.0}, "'physics.mass' must be a number > 0"),
+    ({"physics.mass": 0.0}, "'physics.mass' must be a number >= 1e-06"),
     ({"physics.rail_restitution": 1.5}, "got 1.5"),
     ({"physics.mas": 0.1}, "no parameter 'physics.mas'"),
     ({"table.length": [1.0]}, "'table.length' must be a number"),
@@ -144,7 +144,7 @@ def test_help_names_every_parameter_with_default_and_unit() -> None:
         assert f"\n  {name} (" in f"\n{text}"
     for part in (
         "update_rate (100 Hz, ",
-        "physics.mass (0.16 kg, > 0, <= 1e+06): ",
+        "physics.mass (0.16 kg, >= 1e-06, <= 1e+06): ",
         "physics.rolling_friction (0.01, >= 0, <= 1e+06): ",
     ):
         assert part in text
@@ -219,8 +219,8 @@ def test_of_two_values_of_one_parameter_the_last_holds(table: TableNode, values:
 
 REFUSED_CHANGES = [
     ({"physics__mass": -1.0}, "physics.mass out of range"),
-    ({"physics__mass": 0}, "'physics.mass' must be a number > 0, <= 1e+06 (kg), got 0.0"),
-    ({"physics__mass": float("inf")}, "physics.mass out of range Min: 0.0, Max: 1000000.0, value: inf"),
+    ({"physics__mass": 0}, "physics.mass out of range Min: 1e-06, Max: 1000000.0, value: 0.0"),
+    ({"physics__mass": float("inf")}, "physics.mass out of range Min: 1e-06, Max: 1000000.0, value: inf"),
     ({"physics__mass": "heavy"}, "Wrong parameter type"),
     ({"physics__rail_restitution": 2}, "physics.rail_restitution out of range"),
     ({"update_rate": 5000}, "update_rate out of range"),
