@@ -99,7 +99,9 @@ def test_a_node_on_sim_time_follows_the_table(site: Site, sim_time: str) -> None
     times: list[int] = []
     client.node.create_subscription(Clock, "/clock", lambda message: times.append(stamp_ns(message.clock)), 100)
     client.spin_until(lambda: len(times) >= 100)
-    assert set(np.diff(times)) <= {19_999_999, 20_000_000, 20_000_001}
+    ticks = np.diff(times) / 20e6  # of which a queue of 1 may lose some
+    assert np.abs(ticks - np.round(ticks)).max() <= 1e-7
+    assert round(min(ticks)) == 1
     assert {stamp_ns(message.header.stamp) for message in client.poses} & set(times)
     client.set_own_parameters(use_sim_time=True)
     client.spin_until(lambda: client.node.get_clock().now().nanoseconds in times)
