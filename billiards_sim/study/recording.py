@@ -28,8 +28,18 @@ MOST_TICKS = 1_000_000
 MOST_STEPS = 1_000_000
 """Steps of a stepped solver, whose states are all kept: a few gigabytes."""
 
+MOST_EVENTS = 1_000_000
+"""Of a run that is recorded: a table without friction goes on for ever, and a third of a gigabyte is enough."""
+
+PIECE = 0.5
+"""s of the wall clock between two looks at how many events there are."""
+
 CHUNK = 256
 """Times that are looked up together: enough to be quick, few enough to need no memory."""
+
+
+class TooMany(ValueError):
+    """More times than a table or a movie can have, or more events than are kept."""
 
 
 class State(NamedTuple):
@@ -149,6 +159,7 @@ def record(scene: Scene, solver: str = "event", time_step: float = TIME_STEP, un
     Raises:
         ValueError: the shot is refused; or without `until`, the balls never rest; or a stepped solver would need more
             than `MOST_STEPS` steps.
+        TooMany: the engine has more than `MOST_EVENTS` events.
         SchemeError, StallError: the solver cannot go on.
     """
     player = SOLVERS[solver](scene, time_step)
@@ -165,7 +176,11 @@ def _record_run(simulation: Simulation, start: State, until: float | None) -> Ex
     scene = simulation.start_scene
     recorder = Recorder(len(scene))
     began = time.perf_counter()
-    events = simulation.run(until, recorder)
+    events = simulation.run(until, recorder, budget=PIECE)
+    while not (simulation.at_rest if until is None else simulation.time >= until):
+        if len(events) > MOST_EVENTS:
+            raise TooMany(f"more than {MOST_EVENTS} events by {simulation.time:.6g} s: end it earlier, with --until")
+        events += simulation.run(until, recorder, budget=PIECE)
     wall_seconds = time.perf_counter() - began
     run = Run(scene, recorder, events, start.time, simulation.time)
     return ExactRecording(scene, start, look(simulation), simulation.at_rest, events, wall_seconds, run)
@@ -189,10 +204,6 @@ def _record_steps(player: SteppedSolver, start: State, time_step: float, until: 
     wall_seconds = time.perf_counter() - began
     steps[-1] = look(player)
     return SteppedRecording(player.start_scene, start, steps[-1], player.at_rest, events, wall_seconds, steps)
-
-
-class TooMany(ValueError):
-    """More times than a table or a movie can have."""
 
 
 def ticks(start: float, end: float, interval: float, most: int = MOST_TICKS) -> Array:

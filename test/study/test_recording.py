@@ -76,6 +76,28 @@ def test_looking_at_many_times_gives_the_bits_of_looking_at_one(monkeypatch: pyt
     assert len(set(whole)) == len(whole) == 101
 
 
+def test_a_run_of_too_many_events_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    physics = bs.Physics(rail_restitution=1.0, sliding_friction=0.0, rolling_friction=0.0)
+    scene = bs.Scene([[1.0, 0.5]], [[2.0, 0.7]], physics=physics)
+    monkeypatch.setattr(recording_module, "MOST_EVENTS", 100)
+    monkeypatch.setattr(recording_module, "PIECE", 0.0)
+    with pytest.raises(recording_module.TooMany, match="more than 100 events by .* s: end it earlier, with --until"):
+        record(scene, until=1e300)
+    assert 50 < len(record(scene, until=50.0).events) <= 100
+
+
+def test_a_run_in_pieces_is_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = record(SHOT)
+    monkeypatch.setattr(recording_module, "PIECE", 0.0)
+    pieces = record(SHOT)
+    assert list(pieces.events) == list(whole.events)
+    assert pieces.end.positions.tobytes() == whole.end.positions.tobytes()
+    times = np.linspace(0.0, whole.end.time, 50)
+    assert [pose.positions.tobytes() for pose in pieces.poses(times)] == [
+        pose.positions.tobytes() for pose in whole.poses(times)
+    ]
+
+
 def test_a_stepped_run_of_too_many_steps_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="1e[+]300 steps of 1 s to 1e[+]300 s are too many: at most 1000000"):
         record(SHOT, "time_step", 1.0, until=1e300)

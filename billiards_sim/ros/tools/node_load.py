@@ -28,7 +28,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from billiards_sim.command_line import Parser, Stopped, positive_seconds
+from billiards_sim.command_line import Parser, positive_seconds, run_to_end, say
 from billiards_sim.ros.process import Child, isolate, ros, stoppable
 from billiards_sim.ros.qos import LATCHED
 from billiards_sim.ros.wrench import wrench_from_shot
@@ -59,9 +59,6 @@ DEPTH = 1000
 
 START_TIMEOUT = 60.0
 """s for the table to compile, start and be discovered."""
-
-STOPPED = 1
-"""Exit code of a measurement that a signal ended."""
 
 SETTLING = 1.0
 """s after the start, or after the shot, that are not measured: processes still find or forget each other."""
@@ -196,17 +193,17 @@ def main(arguments: list[str]) -> int:
         help=f"to subscribe: all, none or some of {','.join(TOPICS)} (%(default)s)",
     )
     parser.add_argument("--breaks", type=int, default=0, metavar="N", help="measure N breaks instead")
-    options = parser.parse_args(arguments)
-    isolate(os.environ)
-    given = ["scene:=eight_ball", f"update_rate:={options.rate}"]
-    if not options.breaks:
-        given.append("physics.rolling_friction:=0.0")
-    table_arguments = [part for parameter in given for part in ("-p", parameter)]
-    try:
-        _measure(options, table_arguments)
-    except Stopped:
-        return STOPPED
-    return 0
+
+    def play() -> int:
+        options = parser.parse_args(arguments)
+        isolate(os.environ)
+        given = ["scene:=eight_ball", f"update_rate:={options.rate}"]
+        if not options.breaks:
+            given.append("physics.rolling_friction:=0.0")
+        _measure(options, [part for parameter in given for part in ("-p", parameter)])
+        return 0
+
+    return run_to_end("node_load", play)
 
 
 def _measure(options: argparse.Namespace, table_arguments: Sequence[str]) -> None:
@@ -217,7 +214,7 @@ def _measure(options: argparse.Namespace, table_arguments: Sequence[str]) -> Non
 
         def report(balls: str, play: Callable[[], None]) -> None:
             figures = measure(listener, table.pid, options.rate, play)
-            print(json.dumps({"balls": balls, "topics": options.topics, **figures}), flush=True)
+            say(json.dumps({"balls": balls, "topics": options.topics, **figures}))
 
         if options.breaks:
             aims = np.random.default_rng(1).uniform(-WIDEST_AIM, WIDEST_AIM, options.breaks)
