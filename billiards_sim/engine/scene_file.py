@@ -61,7 +61,7 @@ def load_scene(path: str | Path, most_balls: int = MOST_BALLS) -> Scene:
     yaml = _yaml()
     try:
         text = _text(Path(path), most_balls)
-        # That of C, where PyYAML has it, is 20 times as fast. Of tabs and colons the two take a few in different places.
+        # That of C, where PyYAML has it, is 20 times as fast. They differ in a few odd tabs and colons.
         events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
         return _scene(_document(events, most_balls))
     except yaml.YAMLError as error:
