@@ -163,6 +163,12 @@ def test_every_document_is_reached_from_the_readme() -> None:
     assert reached == set(DOCUMENTS)
 
 
+def test_every_module_is_in_the_design() -> None:
+    design = (REPOSITORY / "docs" / "design.md").read_text(encoding="utf-8")
+    modules = {path.stem for path in (REPOSITORY / "billiards_sim").rglob("*.py") if not path.stem.startswith("__")}
+    assert {module for module in modules if f"`{module}`" not in design} == set()
+
+
 def test_every_block_of_code_says_its_language() -> None:
     for document in DOCUMENTS:
         fences = re.findall(r"^```.*$", document.read_text(encoding="utf-8"), re.MULTILINE)
