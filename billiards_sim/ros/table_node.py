@@ -377,6 +377,8 @@ class TableNode(Node):
     def _show(self, settings: parameters.Settings) -> None:
         values = settings.values().items()
         changed = [Parameter(name, value=value) for name, value in values if value != self.get_parameter(name).value]
+        if not changed:  # rclpy refuses an empty list
+            return
         with self._adopting_parameters():
             result = self.set_parameters_atomically(changed)
         if not result.successful:

@@ -281,6 +281,13 @@ def test_a_new_scene_with_its_table_and_balls_waits_for_the_reset(table: TableNo
     assert (table.get_parameter("table.length").value, len(table.simulation.positions)) == (2.34, 16)
 
 
+def test_a_new_scene_with_the_same_table_and_physics_comes_with_the_reset(table: TableNode) -> None:
+    assert change(table, scene="head_on") == ""
+    assert "scene head_on" in table.reset()
+    assert table.get_parameter("scene").value == "head_on"
+    assert len(table.simulation.positions) == 2
+
+
 def test_a_scene_that_waits_keeps_what_is_set_meanwhile(table: TableNode, tmp_path: Path) -> None:
     path = scene_file(tmp_path)
     assert change(table, scene=path) == ""
