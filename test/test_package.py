@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +30,17 @@ def test_every_source_file_names_its_licence_at_the_top() -> None:
     assert Path(__file__).relative_to(REPOSITORY) in found
     heads = {str(path): (REPOSITORY / path).read_text(encoding="utf-8").splitlines()[:2] for path in found}
     assert [path for path, head in heads.items() if SPDX not in head] == []
+
+
+def test_every_ros_package_that_is_imported_is_asked_for() -> None:
+    asked = {one.text for one in ElementTree.parse(REPOSITORY / "package.xml").getroot().iter("exec_depend")}
+    imported = set()
+    for path in (REPOSITORY / "billiards_sim").rglob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if found := re.match(r" *(?:from|import) (rclpy|\w+_msgs|\w+_interfaces|std_srvs)\b", line):
+                imported.add(found[1])
+    assert imported >= {"rclpy", "sensor_msgs", "tf2_msgs", "std_srvs", "builtin_interfaces"}
+    assert imported <= asked
 
 
 def test_every_test_can_be_collected_with_the_dependencies_of_a_robot_alone() -> None:

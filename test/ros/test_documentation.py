@@ -9,14 +9,18 @@ from pathlib import Path
 
 import pytest
 from conftest import Site
+from documents import blocks
+from process import positions
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from billiards_sim.engine.quantity import quantities
 from billiards_sim.ros import parameters
 from billiards_sim.ros.qos import MOST_BALLS, TF_DEPTH
 from billiards_sim.ros.table_node import TableNode
+from billiards_sim.ros.wrench import wrench_from_shot
 
-PAGE = (Path(__file__).parents[2] / "docs" / "ros.md").read_text(encoding="utf-8")
+DOCUMENT = Path(__file__).parents[2] / "docs" / "ros.md"
+PAGE = DOCUMENT.read_text(encoding="utf-8")
 
 
 def rows() -> list[str]:
@@ -72,10 +76,32 @@ def test_the_table_of_topics_is_what_the_node_has(make_node: Callable[..., Table
         assert f"| service | `~/{name}` | `{services[name]}` |" in PAGE
 
 
+def recipe(name: str) -> list[str]:
+    """Arguments that run the program of the page whose node has this name."""
+    (program,) = [block for block in blocks(DOCUMENT, "python") if f'create_node("{name}")' in block]
+    return ["-c", program]
+
+
+def test_the_recipe_in_python_watches_a_shot(site: Site) -> None:
+    site.table("real_time_factor:=5.0")
+    watcher = site.process(*recipe("watcher"), command=[sys.executable])
+    client = site.client()
+    client.spin_until(lambda: client.node.count_subscribers("balls/states") == 2 and client.at_rest[-1])
+    client.spin_until(lambda: client.node.count_subscribers("at_rest") == 2)
+    assert client.shoot(wrench_from_shot((0.0, 5.0, 0.0), (0.0, 0.0)))["accepted"]
+    assert watcher.wait() == 0, watcher.stderr
+    *events, where = watcher.stdout.splitlines()
+    client.spin_until(lambda: len(client.collisions) >= len(events))
+    ours = [f"{one['time']:.4f} s {' '.join([one['kind'], *one['balls']])}" for one in client.collisions]
+    assert events == ours[: len(events)]
+    assert events[0].endswith(" s shot cue")
+    lies = [float(word) for word in where.removeprefix("the cue ball lies at ").split()]
+    assert lies == pytest.approx(positions(client.fresh_poses()[0])[0], abs=1e-3)  # its last tick may be on its way
+
+
 def test_the_recipe_in_python_shoots(site: Site) -> None:
-    (recipe,) = [block for block in PAGE.split("```python\n") if block.startswith("import json")]
     site.table("real_time_factor:=20.0")
-    player = site.process("-c", recipe.partition("```")[0], command=[sys.executable])
+    player = site.process(*recipe("player"), command=[sys.executable])
     assert player.wait() == 0, player.stderr
     verdict, rest = player.stdout.splitlines()
     assert verdict.startswith("{'version': 2, 'accepted': True, 'reason': '', 'time': ")
