@@ -46,7 +46,12 @@ MOST_BALLS = 100
 SCENE_HELP = f"what is on the table from the next reset on: {', '.join(BUILT_IN)}, or the path of a scene file"
 
 NUMBERS = {
-    "update_rate": (100.0, Quantity("Hz", "steps, and messages on balls/poses, a second", minimum=0.1, maximum=1000.0)),
+    "update_rate": (
+        100.0,
+        Quantity(
+            "Hz", "ticks a second: steps, and messages on balls/states and balls/poses", minimum=0.1, maximum=1000.0
+        ),
+    ),
     "real_time_factor": (
         1.0,
         Quantity("1", "simulated seconds in a second of the wall clock", minimum=0.001, maximum=1000.0),
@@ -63,9 +68,12 @@ NUMBERS = {
 """Default and quantity of each number of the node's own."""
 
 SWITCHES = {
-    "track_orientation": (False, "put how the balls are turned into balls/poses; else they are all upright"),
+    "track_orientation": (
+        False,
+        "put how the balls are turned into states, poses and frames; else they are all upright",
+    ),
     "publish_clock": (False, "publish the table's time on /clock every tick, for nodes with use_sim_time"),
-    "publish_tf": (False, "publish a frame for each ball, named as the ball, on /tf every tick; needs tf2_msgs"),
+    "publish_tf": (False, "publish a frame for each ball on /tf every tick; needs tf2_msgs"),
 }
 """Default and help of each switch."""
 
