@@ -24,6 +24,7 @@ from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.state import (
     AT_REST,
     INF,
+    OFF_TABLE,
     ROLLING,
     SLIDING,
     Ball,
@@ -148,11 +149,12 @@ def start(scene: Scene, constants: Constants) -> Moment:
         clock=rows(Clock, 1),
         log=_new_log(count),
     )
+    phases = np.where(scene.in_play[:, np.newaxis], AT_REST, OFF_TABLE)
     moving = (scene.velocities != 0.0).any(axis=1) | (scene.angular_velocities[:, :2] != 0.0).any(axis=1)
     set_columns(state.balls, ("x", "y"), scene.positions - scene.table.centre)
     set_columns(state.balls, ("vx", "vy"), scene.velocities)
     set_columns(state.balls, ("wx", "wy", "wz"), scene.angular_velocities)
-    set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), AT_REST))
+    set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), phases))
     turns = rows(Turn, count if scene.track_orientation else 0)
     set_columns(turns, ("qw",), np.ones((len(turns), 1)))
     return Moment(state, turns)
@@ -162,6 +164,7 @@ def begun_anew(moment: Moment) -> Moment:
     """The same on the table, balls at rest and the log taken, as a start: the kernels' clock at 0, no predictions."""
     balls = rows(Ball, len(moment.state.balls))
     set_columns(balls, ("x", "y", "wz"), columns(moment.state.balls, "x", "y", "wz"))
+    set_columns(balls, ("phase",), columns(moment.state.balls, "phase").astype(np.int64))
     state = moment.state._replace(balls=balls, clock=rows(Clock, 1))
     turns = copy_rows(moment.turns)
     if len(turns):

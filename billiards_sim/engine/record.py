@@ -63,7 +63,7 @@ class Run:
         self._orientations = orientations
 
     def positions(self, times: ArrayLike) -> Array:
-        """(T, N, 2) m, frame `table`, at times (T,), s.
+        """(T, N, 2) m, frame `table`, at times (T,), s; nan for balls that are not in play.
 
         Raises:
             ValueError: `times` has another shape, or one of them lies outside of the run.
@@ -112,9 +112,10 @@ class Run:
     def path(self, ball: str) -> Array:
         """(K, 3) t s, x m, y m: points that the path of a ball can be drawn or played through, on straight lines.
 
-        They begin at the start of the run and end with it or where the ball stays. There is one at each event of the
-        ball, and between two of them as many as it takes to keep the lines within `CHORD` of the ball at every time:
-        a motion of acceleration a bends away from a line of duration d by a/2 (d/2)^2.
+        They begin at the start of the run and end with it or where the ball stays; a ball that is not in play has none.
+        There is one at each event of the ball, and between two of them as many as it takes to keep the lines within
+        `CHORD` of the ball at every time: a motion of acceleration a bends away from a line of duration d by
+        a/2 (d/2)^2.
 
         Raises:
             ValueError: no such ball.
@@ -124,6 +125,8 @@ class Run:
         index = self.scene.names.index(ball)
         times = self._path_times(index, np.unique([self.start, *self._event_times[ball], self.end]))
         points = self._positions(*self._arcs_of(index, self._inner(times)))
+        if np.isnan(points[0, 0]):
+            return np.empty((0, 3))
         stays = len(points) > 1 and np.array_equal(points[-1], points[-2])
         path = np.column_stack((times, points))
         return path[:-1] if stays else path

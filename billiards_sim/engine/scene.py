@@ -55,6 +55,8 @@ class Scene:
         positions: (N, 2) m, ball centres in the frame `table`.
         velocities: (N, 2) m/s, default 0.
         angular_velocities: (N, 3) rad/s, default 0.
+        in_play: (N,) truth values, default all. A ball that is not in play is off the table: nothing hits it and it
+            overlaps with nothing. Whatever is given as its position becomes nan, as its velocities 0.
         names: N different names; default "cue", "1", "2", ...
         table, physics: default to the paper's.
         name: of the scene, for people.
@@ -63,8 +65,8 @@ class Scene:
 
     Raises:
         ValueError: wrong shape, not finite, faster than `SPEED_LIMIT`, names that are no text or not different, balls
-            that overlap or reach into a rail by more than `OVERLAP_TOLERANCE`, a shot at a ball that is not there. The
-            text names the ball and the figure.
+            that overlap or reach into a rail by more than `OVERLAP_TOLERANCE`, a shot at a ball that is not there or
+            not in play. The text names the ball and the figure.
     """
 
     positions: NDArray[np.float64]
@@ -76,6 +78,7 @@ class Scene:
     name: str
     shot: Shot | None
     track_orientation: bool
+    in_play: NDArray[np.bool_]
 
     def __init__(
         self,
@@ -89,6 +92,7 @@ class Scene:
         name: str = "",
         shot: Shot | None = None,
         track_orientation: bool = False,
+        in_play: ArrayLike | None = None,
     ) -> None:
         try:
             count = len(positions)  # type: ignore[arg-type]
@@ -103,16 +107,18 @@ class Scene:
         if not is_text(name):
             raise ValueError(f"name must be free of control characters and surrogates, got {shown(name)}")
         ball_names = _names(names, count)
+        on_table = _truth_values("in_play", in_play, count)
         values = {
-            "positions": _rows("positions", positions, ball_names, 2),
-            "velocities": _rows("velocities", velocities, ball_names, 2),
-            "angular_velocities": _rows("angular_velocities", angular_velocities, ball_names, 3),
+            "positions": _rows("positions", positions, ball_names, 2, on_table, math.nan),
+            "velocities": _rows("velocities", velocities, ball_names, 2, on_table),
+            "angular_velocities": _rows("angular_velocities", angular_velocities, ball_names, 3, on_table),
             "names": ball_names,
             "table": table,
             "physics": physics,
             "name": name,
             "shot": shot,
             "track_orientation": track_orientation,
+            "in_play": on_table,
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
@@ -123,6 +129,8 @@ class Scene:
             _check_type("shot", shot, Shot)
             if shot.ball not in ball_names:
                 raise ValueError(f"shot.ball {shown(shot.ball)} is not in the scene; its balls: {listed(ball_names)}")
+            if not on_table[ball_names.index(shot.ball)]:
+                raise ValueError(f"shot.ball {shown(shot.ball)} is not in play")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -131,7 +139,10 @@ class Scene:
         if not isinstance(other, Scene):
             return NotImplemented
         pairs = [(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)]
-        return self is other or all(np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b for a, b in pairs)
+        return self is other or all(
+            np.array_equal(a, b, equal_nan=a.dtype.kind == "f") if isinstance(a, np.ndarray) else a == b
+            for a, b in pairs
+        )
 
     def __hash__(self) -> int:
         return hash((self.names, self.table, self.physics, self.name, self.shot))
@@ -171,7 +182,23 @@ def _check_name(name: Any) -> None:
         raise ValueError(f"ball names must be free of control characters and surrogates, got {name!r}")
 
 
-def _rows(key: str, given: ArrayLike | None, names: tuple[str, ...], width: int) -> NDArray[np.float64]:
+def _truth_values(key: str, given: ArrayLike | None, count: int) -> NDArray[np.bool_]:
+    values = np.ones(count, dtype=np.bool_) if given is None else np.array(given)
+    if values.dtype.kind != "b" or values.shape != (count,):
+        raise ValueError(f"{key} must be truth values of shape ({count},), got {shown(given)}")
+    values.flags.writeable = False
+    return values
+
+
+def _rows(
+    key: str,
+    given: ArrayLike | None,
+    names: tuple[str, ...],
+    width: int,
+    in_play: NDArray[np.bool_],
+    otherwise: float = 0.0,
+) -> NDArray[np.float64]:
+    # `otherwise` is what those have that are not in play.
     count = len(names)
     try:
         rows = np.zeros((count, width)) if given is None else _floats(given)
@@ -179,9 +206,11 @@ def _rows(key: str, given: ArrayLike | None, names: tuple[str, ...], width: int)
         raise ValueError(f"{key} must be numbers of shape ({count}, {width}), got {shown(given)}") from None
     if rows.shape != (count, width):
         raise ValueError(f"{key} must have shape ({count}, {width}), got {rows.shape}")
+    rows[~in_play] = 0.0
     for name, row in zip(names, rows, strict=True):
         if not np.isfinite(row).all():
             raise ValueError(f"{key} of ball {name!r} must be finite, got {row.tolist()}")
+    rows[~in_play] = otherwise
     rows.flags.writeable = False
     return rows
 
@@ -213,7 +242,7 @@ def _check_inside_rails(scene: Scene) -> None:
         if low > high:
             raise ValueError(f"balls of radius {radius:g} m do not fit on a table {high - low + 2 * radius:g} m wide")
         outside = np.maximum(low - scene.positions[:, axis], scene.positions[:, axis] - high)
-        worst = int(np.argmax(outside))
+        worst = int(np.argmax(np.where(scene.in_play, outside, -np.inf)))
         if outside[worst] > OVERLAP_TOLERANCE:
             raise ValueError(
                 f"ball {scene.names[worst]!r} reaches {outside[worst]:.6g} m into a rail: its {'xy'[axis]} is "
@@ -223,7 +252,7 @@ def _check_inside_rails(scene: Scene) -> None:
 
 def _check_no_overlap(scene: Scene) -> None:
     diameter = 2.0 * scene.physics.radius
-    by_x = np.argsort(scene.positions[:, 0], kind="stable")
+    by_x = np.argsort(scene.positions[:, 0], kind="stable")  # nan, off the table, comes last and overlaps with nothing
     ordered = scene.positions[by_x]
     for rank, position in enumerate(ordered[:-1]):
         end = int(np.searchsorted(ordered[:, 0], position[0] + diameter, side="right"))

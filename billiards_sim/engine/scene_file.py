@@ -84,8 +84,10 @@ def save_scene(scene: Scene, path: str | Path) -> None:
         "physics": dataclasses.asdict(scene.physics),
         "balls": [
             {"name": _Quoted(name), "position": p.tolist(), "velocity": v.tolist(), "angular_velocity": w.tolist()}
-            for name, p, v, w in zip(
-                scene.names, scene.positions, scene.velocities, scene.angular_velocities, strict=True
+            if in_play
+            else {"name": _Quoted(name), "in_play": False}
+            for name, p, v, w, in_play in zip(
+                scene.names, scene.positions, scene.velocities, scene.angular_velocities, scene.in_play, strict=True
             )
         ],
     }
@@ -207,7 +209,10 @@ def _scene(document: Any) -> Scene:
     if not isinstance(balls, list) or not balls:
         raise ValueError(f"balls must be a list of at least one ball, got {shown(balls)}")
     for index, ball in enumerate(balls):
-        _check_keys(f"balls[{index}]", ball, {"name", "position"}, {"velocity", "angular_velocity"})
+        if isinstance(ball, dict) and ball.get("in_play") is False:
+            _check_keys(f"balls[{index}], which is not in play,", ball, {"name", "in_play"}, set())
+        else:
+            _check_keys(f"balls[{index}]", ball, {"name", "position"}, {"velocity", "angular_velocity", "in_play"})
     name = document.get("name")
     if not isinstance(name, (str, type(None))):
         raise ValueError(f"name must be a text, got {shown(name)}")
@@ -219,6 +224,7 @@ def _scene(document: Any) -> Scene:
         velocities=_column(balls, "velocity", 2),
         angular_velocities=_column(balls, "angular_velocity", 3),
         names=[ball["name"] for ball in balls],
+        in_play=[ball.get("in_play", True) for ball in balls],
         table=from_mapping(Table, _group(document, "table")),
         physics=from_mapping(Physics, _group(document, "physics")),
         name=name or "",

@@ -13,7 +13,7 @@ from billiards_sim.engine.detection import contact_time, rail_contact_time
 from billiards_sim.engine.events import X_MAX, X_MIN, Y_MAX, Y_MIN
 from billiards_sim.engine.jit import kernel
 from billiards_sim.engine.motion import place_at, velocity_at
-from billiards_sim.engine.state import AT_REST, INF, NOBODY, Ball, Constants, State
+from billiards_sim.engine.state import AT_REST, INF, NOBODY, OFF_TABLE, Ball, Constants, State
 
 
 @kernel
@@ -59,18 +59,22 @@ def _first_from(state: State, constants: Constants, ball: Ball, x: int, y: int) 
 
 @kernel
 def enter_all(state: State, constants: Constants) -> None:
-    """Begin: every ball is in its cell, on its leaf of the tree and marked as changed."""
+    """Begin: every ball in play is in its cell, on its leaf of the tree and marked as changed."""
     for c in range(len(state.cells)):
         state.cells[c].ball = NOBODY
     count = len(state.balls)
     half = len(state.nodes) // 2
     for i in range(count - 1, -1, -1):
         ball = state.balls[i]
+        if ball.phase == OFF_TABLE:
+            ball.event_time = INF
+            continue
         ball.cell_x = min(max(int(ball.x / constants.cell_width + 0.5 * constants.cells_x), 0), constants.cells_x - 1)
         ball.cell_y = min(max(int(ball.y / constants.cell_height + 0.5 * constants.cells_y), 0), constants.cells_y - 1)
         _enter_cell(state, constants, i)
     for i in range(count):
-        mark(state, i)
+        if state.balls[i].phase != OFF_TABLE:
+            mark(state, i)
     for k in range(half):
         state.nodes[half + k].ball = k if k < count else NOBODY
     for k in range(half - 1, 0, -1):

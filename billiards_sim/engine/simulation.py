@@ -41,6 +41,7 @@ from billiards_sim.engine.state import (
     AT_REST,
     INF,
     NOBODY,
+    OFF_TABLE,
     ROLLING,
     SLIDING,
     Record,
@@ -174,7 +175,7 @@ class Simulation:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(N, 2) m, frame `table`, a copy."""
+        """(N, 2) m, frame `table`, a copy; nan for a ball that is not in play."""
         dt = self._ages()
         motion = columns(self._now.state.balls, "x", "y", "vx", "vy", "ax", "ay")
         return motion[:, 0:2] + (motion[:, 2:4] + 0.5 * motion[:, 4:6] * dt) * dt + self._centre
@@ -211,7 +212,12 @@ class Simulation:
     @property
     def at_rest(self) -> bool:
         """Whether every ball rests. A ball that spins about the vertical on the spot rests."""
-        return not columns(self._now.state.balls, "phase").any()
+        return not (columns(self._now.state.balls, "phase") > AT_REST).any()
+
+    @property
+    def in_play(self) -> NDArray[np.bool_]:
+        """(N,) whether each ball is on the table, a copy."""
+        return columns(self._now.state.balls, "phase")[:, 0] != OFF_TABLE
 
     @property
     def kinetic_energy(self) -> float:
@@ -225,18 +231,13 @@ class Simulation:
             positions=self.positions,
             velocities=self.velocities,
             angular_velocities=self.angular_velocities,
+            in_play=self.in_play,
             shot=None,
         )
 
     def copy(self) -> Simulation:
         """An independent simulation in the same state, to the bit: to try a shot and go back."""
         return self._at(copied(self._now.with_log_taken()))
-
-    def __copy__(self) -> Simulation:
-        return self.copy()
-
-    def __deepcopy__(self, _: object) -> Simulation:
-        return self.copy()
 
     def __getstate__(self) -> tuple[Scene, Moment]:
         return self._scene, packed(self._now)
@@ -273,15 +274,18 @@ class Simulation:
         is delivered whole. The "shot" event is the first of the next `advance` or `run`.
 
         Raises:
-            ValueError: no such ball, the ball moves, a force that is zero, not finite or not horizontal, an offset off
-                the ball. Nothing changes then.
+            ValueError: no such ball, the ball moves or is not in play, a force that is zero, not finite or not
+                horizontal, an offset off the ball. Nothing changes then.
         """
         if ball not in self._scene.names:
             raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
         index = self._scene.names.index(ball)
         struck = strike(force, offset, self._scene.physics)
         before = self._now.with_log_taken()
-        if get_field(before.state.balls, index, "phase") != AT_REST:
+        phase = get_field(before.state.balls, index, "phase")
+        if phase == OFF_TABLE:
+            raise ValueError(f"ball {ball!r} is not in play")
+        if phase != AT_REST:
             speed = float(np.hypot(*self.velocities[index]))
             raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
         centre = (self.positions[index] - self._centre).tolist()

@@ -27,9 +27,11 @@ SPEED_LIMIT = 299_792_458.0
 """m/s. Largest speed, and spin times radius, of a ball at the start or after a shot: light's. Far below where the
 powers in the formulas overflow."""
 
+OFF_TABLE = -1
 AT_REST = 0
 SLIDING = 1
 ROLLING = 2
+"""Phases. What has none is off the table: in no cell, so nothing meets it, and never scheduled."""
 
 QUEUED = 1
 LISTED = 2
@@ -64,7 +66,7 @@ class Ball:
     cell_x: int = 0
     cell_y: int = 0
     event_time: float = 0.0  # s, the earlier of horizon and hit_time
-    phase: int = AT_REST  # or ROLLING, SLIDING
+    phase: int = AT_REST  # or ROLLING, SLIDING, OFF_TABLE
     held: int = 0  # number of sustained contacts
     wx: float = 0.0  # rad/s
     wy: float = 0.0

@@ -16,7 +16,7 @@ import numpy as np
 from billiards_sim.engine.jit import copy_rows, entry, join_rows, kernel, rows, set_columns
 from billiards_sim.engine.loop import PAUSED, run_until
 from billiards_sim.engine.orientation import Turn, follow
-from billiards_sim.engine.state import INF, Ball, Constants, State
+from billiards_sim.engine.state import INF, OFF_TABLE, Ball, Constants, State
 
 SPOOL_ROWS = 4096
 """Stretches that the kernels write before they hand them over."""
@@ -120,6 +120,8 @@ def _write(state: State, tape: Tape) -> None:
     for i in range(len(tape.latest)):
         ball = state.balls[i]
         latest = tape.latest[i]
+        if ball.phase == OFF_TABLE and latest.time == ball.time:
+            continue
         if _has_changed(ball, latest):
             _copy(ball, latest)
             arc = tape.arcs[tape.spool[0].arcs]

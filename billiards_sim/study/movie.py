@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,7 @@ class Painter:
         self._scale = longest / max(outer)  # px/m
         self.width, self.height = (max(2, 2 * math.ceil(0.5 * side * self._scale - 1e-6)) for side in outer)
         self._radius = scene.physics.radius * self._scale  # px
+        self._in_play = scene.in_play
         self._looks = [Look(name) for name in scene.names]
         self._table = _draw_table(table, self._scale, self.width, self.height)
         rail = table.rail_thickness * self._scale
@@ -75,9 +77,10 @@ class Painter:
         canvas = self._table.copy()
         centres = pose.positions * self._scale
         centres[:, 1] = self.height - centres[:, 1]
-        for centre in centres:
+        for centre in centres[self._in_play]:
             self._draw_shadow(canvas, centre)
-        for centre, look, rotation in zip(centres, self._looks, rotation_matrices(pose.orientations), strict=True):
+        balls = zip(centres, self._looks, rotation_matrices(pose.orientations), strict=True)
+        for centre, look, rotation in compress(balls, self._in_play):
             self._draw_ball(canvas, centre, look, rotation)
         picture = (255.0 * canvas + 0.5).astype(np.uint8)
         return self._with_clock(picture, pose.time)

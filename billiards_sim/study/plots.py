@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -57,7 +58,7 @@ def draw_run(recording: Recording, path: Path, title: str = "") -> None:
     draw_table(axes, scene.table)
     _draw_paths(axes, recording)
     _draw_contacts(axes, recording.events)
-    for name, position in zip(scene.names, recording.end.positions, strict=True):
+    for name, position in compress(zip(scene.names, recording.end.positions, strict=True), scene.in_play):
         draw_ball(axes, position, scene.physics.radius, name)
     axes.set_title(title)
     axes.set_xlabel("x (m)")
@@ -110,7 +111,7 @@ def _draw_name(axes: Axes, x: float, y: float, radius: float, name: str) -> None
 
 def _draw_paths(axes: Axes, recording: Recording) -> None:
     radius = recording.scene.physics.radius
-    for index, name in enumerate(recording.scene.names):
+    for index, name in compress(enumerate(recording.scene.names), recording.scene.in_play):
         style = (0, (4.0, 1.0)) if is_striped(name) else "solid"
         axes.plot(*recording.path(name)[:, 1:].T, color=ball_colour(name), linewidth=1.5, linestyle=style, zorder=2)
         start = recording.start.positions[index].tolist()

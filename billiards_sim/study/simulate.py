@@ -10,6 +10,7 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from itertools import compress
 from pathlib import Path
 
 from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, positive_seconds, run_to_end, say
@@ -208,7 +209,10 @@ def _write_json(recording: Recording, path: Path, options: argparse.Namespace) -
         **({} if options.solver == "event" else {"time_step": options.time_step}),
         "time": recording.end.time,
         "names": recording.scene.names,
-        "positions": recording.end.positions.tolist(),
+        "positions": [
+            place if in_play else None  # JSON has no nan
+            for place, in_play in zip(recording.end.positions.tolist(), recording.scene.in_play)
+        ],
         "velocities": recording.end.velocities.tolist(),
         "angular_velocities": recording.end.angular_velocities.tolist(),
         "events": [asdict(event) for event in recording.events],
@@ -223,7 +227,7 @@ def _write_csv(recording: Recording, path: Path, options: argparse.Namespace) ->
         table.writerow(COLUMNS)
         for state in recording.samples(options.sample):
             balls = (recording.scene.names, state.positions, state.velocities, state.angular_velocities)
-            for name, position, velocity, spin in zip(*balls, strict=True):
+            for name, position, velocity, spin in compress(zip(*balls, strict=True), recording.scene.in_play):
                 table.writerow((state.time, name, *position.tolist(), *velocity.tolist(), *spin.tolist()))
 
 

@@ -132,7 +132,7 @@ class SteppedSolver(ABC):
         time_step: s.
 
     Raises:
-        ValueError: `time_step` is not finite or not > 0.
+        ValueError: `time_step` is not finite or not > 0; a ball is not in play.
 
     Its events are shots and collisions; ends of slip and of motion are not among them.
     """
@@ -140,6 +140,9 @@ class SteppedSolver(ABC):
     def __init__(self, scene: Scene, time_step: float = TIME_STEP) -> None:
         if not (math.isfinite(time_step) and time_step > 0.0):
             raise ValueError(f"time_step must be a finite number > 0 (s), got {time_step!r}")
+        if not scene.in_play.all():
+            off = scene.names[int(np.argmin(scene.in_play))]
+            raise ValueError(f"the stepped solvers take scenes with every ball in play; ball {off!r} is not")
         self._scene = scene
         self._time_step = time_step
         self._time = 0.0

@@ -18,7 +18,7 @@ import pytest
 from checks import random_scene
 
 import billiards_sim as bs
-from billiards_sim.engine.jit import COMPILED
+from billiards_sim.engine import simulation as simulation_module
 
 HERE = Path(__file__).parent
 
@@ -123,12 +123,16 @@ def test_another_process_goes_on_with_the_same_bits(interpreted: str) -> None:
     assert pickle.loads(run.stdout) == rest(simulation)
 
 
-@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
-def test_an_unpickled_simulation_needs_no_kernel_of_its_own() -> None:
-    from billiards_sim.engine.loop import run_until
-
-    rest(midway())
-    before = len(run_until.signatures)  # type: ignore[attr-defined]
-    scene = random_scene(2)
-    pickle.loads(pickle.dumps(bs.Simulation(scene))).run()
-    assert len(run_until.signatures) == max(before, 1)  # type: ignore[attr-defined]
+@pytest.mark.parametrize("copied", COPIES)
+def test_copies_know_the_last_shot(copied: Callable[[Any], Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    original = bs.Simulation(bs.scenes.eight_ball())
+    original.strike((128.0, 1.5, 0.0))
+    original.advance(0.1)
+    twin = copied(original)
+    monkeypatch.setattr(simulation_module, "BATCH", 1)
+    monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
+    with pytest.raises(bs.StallError) as stall:
+        twin.run()
+    Path(str(stall.value.path)).unlink()
+    assert stall.value.scene.shot == bs.Shot((128.0, 1.5, 0.0))
+    assert np.array_equal(stall.value.scene.positions, original.start_scene.positions)

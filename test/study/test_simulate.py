@@ -21,6 +21,13 @@ import billiards_sim as bs
 from billiards_sim.study import simulate
 from billiards_sim.study.time_stepping import SOLVERS, TimeStepSolver
 
+OFF_TABLE = """
+balls:
+  - {name: cue, position: [0.6, 0.6], velocity: [1, 0]}
+  - {name: "1", in_play: false}
+  - {name: "2", position: [1.2, 0.61]}
+"""
+
 BREAK = ("eight_ball", "--force", "128", "1.5")
 
 DRAW_SHOT = """
@@ -251,6 +258,29 @@ def test_plot_is_a_picture_of_the_table_to_scale(tmp_path: Path) -> None:
     seen = np.flatnonzero(yellow.any(axis=0)) / pixels_per_metre
     assert seen.min() == pytest.approx(min(xs), abs=1.2 * bs.Physics().radius)
     assert seen.max() == pytest.approx(max(xs), abs=1.2 * bs.Physics().radius)
+
+
+def test_a_ball_that_is_not_in_play_is_in_no_row_and_no_picture(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(OFF_TABLE, encoding="utf-8")
+    document = written_json(tmp_path, str(scene), "--csv", str(tmp_path / "out.csv"))
+    assert document["names"] == ["cue", "1", "2"]
+    assert [place is None for place in document["positions"]] == [False, True, False]
+    assert {row["ball"] for row in read_csv(tmp_path / "out.csv")} == {"cue", "2"}
+
+
+@needs_plot_extra
+def test_a_picture_is_that_of_the_balls_in_play(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    pictures = []
+    for text in (OFF_TABLE, OFF_TABLE.replace('  - {name: "1", in_play: false}\n', "")):
+        scene.write_text(text, encoding="utf-8")
+        for ending in ("png", "gif"):
+            path = tmp_path / f"out.{ending}"
+            option = "--plot" if ending == "png" else "--movie"
+            assert simulate.main([str(scene), option, str(path), "--until", "0.1"]) == 0
+            pictures.append(path.read_bytes())
+    assert pictures[:2] == pictures[2:]
 
 
 REFUSED = [

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -219,6 +220,12 @@ def test_a_refused_shot_changes_nothing(name: str) -> None:
         solver.strike((20.0, 0.0, 0.0))
     assert solver.velocities.tolist() == [[5.0, 0.0], [0.0, 0.0]]
     assert solver.run(until=0.05) == []
+
+
+@pytest.mark.parametrize("name", STEPPED)
+def test_balls_that_are_not_in_play_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="every ball in play; ball '1' is not"):
+        SOLVERS[name](replace(bs.scenes.head_on(), in_play=[True, False]), 0.01)
 
 
 @pytest.mark.parametrize("time_step", [0.0, -0.01, float("inf"), float("nan")])
