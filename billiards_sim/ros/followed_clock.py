@@ -25,7 +25,3 @@ class FollowedClock:
         """ns since the last tick, negative where the clock has gone back; None at its first reading."""
         last, self._last = self._last, now if now > 0 else None
         return None if last is None else now - last
-
-    def forget(self) -> None:
-        """The next reading is the first: it is another clock."""
-        self._last = None

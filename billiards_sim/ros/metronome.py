@@ -43,8 +43,6 @@ class Metronome:
         """Beat at this rate, Hz: for the first time in a period from now, later in one from the last beat."""
         period = 1.0 / rate
         with self._changed:
-            if period == self._period:
-                return
             now = time.monotonic()
             self._due = now + period if math.isinf(self._period) else max(self._due - self._period + period, now)
             self._period = period

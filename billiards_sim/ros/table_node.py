@@ -245,10 +245,8 @@ class TableNode(Node):
     @between_ticks
     def _on_clock(self, jump: TimeJump) -> None:
         # At every reading of a clock that is followed. What raises here is lost, so the metronome does the work.
-        if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
-            self._followed.forget()
-            if self._now() > 0:
-                self._stamps = messages.Stamps(self._now(), self._simulation.time)
+        if jump.clock_change == ClockChange.ROS_TIME_DEACTIVATED:
+            self._stamps = messages.Stamps(self._now(), self._simulation.time)
         if self._follows_clock and self._followed.due(self._now(), self._period):
             self.metronome.ring()
 

@@ -49,11 +49,3 @@ def test_a_clock_that_goes_back_is_told_once() -> None:
 
 def test_a_clock_that_is_set_to_zero_begins_anew() -> None:
     assert ticks([5_000, 0, 0, 7]) == [(5_000, None), (0, -5_000 * MS), (7, None)]
-
-
-def test_another_clock_has_a_first_reading_too() -> None:
-    clock = FollowedClock()
-    clock.tick(5_000 * MS)
-    clock.forget()
-    assert clock.due(3 * MS, PERIOD)
-    assert clock.tick(3 * MS) is None

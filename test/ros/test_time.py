@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 
 import billiards_sim as bs
 from billiards_sim.ros import messages, table_node
+from billiards_sim.ros.event_queue import EventQueue
 from billiards_sim.ros.table_node import TableNode
 from billiards_sim.ros.wrench import wrench_from_shot
 
@@ -64,28 +65,42 @@ def test_stamps_count_simulated_time_from_a_shot_on_and_return_to_the_clock(wall
     assert tick(table, wall) == wall.now
 
 
-def test_stamps_of_events_are_on_the_scale_of_their_shot(
-    wall: Wall, table: TableNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "billiards_sim.ros.state_publisher._heard",
-        lambda publisher: publisher is table._publisher._collisions_publisher,
-    )
+@pytest.fixture
+def event_stamps(table: TableNode, monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, int]]:
+    """Time, s, and stamp of each event that is to go out."""
     found: list[tuple[float, int]] = []
-    add = table._publisher._events.add
 
-    def keep(events, stamps, radius) -> None:
-        found.extend((event.time, stamps.at(event.time)) for event in events)
-        add(events, stamps, radius)
+    class Queue(EventQueue):
+        def add(self, events: Sequence[bs.Event], stamps: messages.Stamps, radius: float) -> None:
+            found.extend((event.time, stamps.at(event.time)) for event in events)
 
-    monkeypatch.setattr(table._publisher._events, "add", keep)
+    monkeypatch.setattr(table._publisher, "_events", Queue())
+    collisions = table._publisher._collisions_publisher
+    monkeypatch.setattr("billiards_sim.ros.state_publisher._heard", lambda publisher: publisher is collisions)
+    return found
+
+
+def test_stamps_of_events_are_on_the_scale_of_their_shot(
+    wall: Wall, table: TableNode, event_stamps: list[tuple[float, int]]
+) -> None:
     began = tick(table, wall)
     at = table.simulation.time
     table._on_cue_shot(SOFT)
     while not table.simulation.at_rest:
         tick(table, wall, 13 * MS)
-    assert len(found) == 3  # shot, rolling, rest
-    assert [stamp for _, stamp in found] == [began + round((time - at) * SECOND) for time, _ in found]
+    assert len(event_stamps) == 3  # shot, rolling, rest
+    assert [stamp for _, stamp in event_stamps] == [began + round((time - at) * SECOND) for time, _ in event_stamps]
+
+
+def test_the_state_at_rest_is_not_stamped_before_the_last_event(
+    wall: Wall, table: TableNode, event_stamps: list[tuple[float, int]]
+) -> None:
+    tick(table, wall)
+    table._on_cue_shot(SOFT)
+    while not table.simulation.at_rest:
+        state = tick(table, wall, 0)  # the clock stands, so it is no lower bound
+    _, rest = event_stamps[-1]
+    assert rest < state < rest + 11 * MS
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.5])
@@ -281,5 +296,7 @@ def test_a_running_table_can_be_put_on_another_clock_and_back(site: Site, client
     count = len(client.poses)
     assert stamp_ns(simulator.show_and_wait(8 * SECOND).header.stamp) == 8 * SECOND
     assert len(client.poses) == count + 1
+    late = wall + 1_000 * SECOND  # a clock ahead of the wall's must leave no trace
+    assert stamp_ns(simulator.show_and_wait(late).header.stamp) == late
     assert client.set_parameters(use_sim_time=False)[0].successful
-    client.spin_until(lambda: stamp_ns(client.poses[-1].header.stamp) > wall)
+    client.spin_until(lambda: wall < stamp_ns(client.poses[-1].header.stamp) < late)
