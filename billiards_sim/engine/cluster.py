@@ -110,8 +110,8 @@ def bring_all(state: State, constants: Constants, count: int, now: float) -> Non
 
 
 @kernel
-def _closing(state: State, row: Impact) -> float:
-    # Speed at which a contact closes, m/s.
+def closing_speed(state: State, row: Impact) -> float:
+    """Speed at which a contact closes, m/s."""
     first = state.balls[row.first]
     closing = -first.vx * row.normal_x - first.vy * row.normal_y
     if row.second >= 0:
@@ -136,14 +136,14 @@ def reflect(state: State, constants: Constants, count: int) -> None:
     """Give the balls of a cluster the velocities after impact; the impulses, N s, stay in the list."""
     fastest = 0.0
     for c in range(count):
-        fastest = max(fastest, _closing(state, state.impacts[c]))
+        fastest = max(fastest, closing_speed(state, state.impacts[c]))
     stopped = constants.least_approach + CLOSING_ROUNDING * fastest
     enough = SHARE_ROUNDING * fastest
     for _ in range(MAX_SWEEPS):
         top = 0.0
         for c in range(count):
             row = state.impacts[c]
-            closing = _closing(state, row)
+            closing = closing_speed(state, row)
             row.share = 0.0 if closing > stopped else -1.0  # -1: not in this reflection
             row.closing = closing
             top = max(top, closing)
@@ -158,7 +158,7 @@ def reflect(state: State, constants: Constants, count: int) -> None:
                 row = state.impacts[c]
                 if row.share >= 0.0:
                     give = 2.0 if row.second >= 0 else 1.0
-                    share = max(row.share + _closing(state, row) / give, 0.0)
+                    share = max(row.share + closing_speed(state, row) / give, 0.0)
                     change = share - row.share
                     row.share = share
                     _kick(state, row, change)
@@ -181,7 +181,7 @@ def _bounce(state: State, constants: Constants, count: int) -> None:
     for c in range(count):
         row = state.impacts[c]
         if row.share > 0.0:
-            gained -= _restitution(row, constants) * row.share * _closing(state, row)
+            gained -= _restitution(row, constants) * row.share * closing_speed(state, row)
     # Less of it where rails and balls together would give more than was there, as different restitutions can.
     part = math.sqrt(spent / gained) if gained > spent * (1.0 + GAIN_ROUNDING) else 1.0
     for c in range(count):

@@ -20,15 +20,22 @@ from __future__ import annotations
 import math
 
 from billiards_sim.engine.events import X_MAX, X_MIN
-from billiards_sim.engine.impact import normal_of_rail
+from billiards_sim.engine.impact import is_low, leniency, normal_of_rail
 from billiards_sim.engine.jit import entry, kernel
 from billiards_sim.engine.motion import anchor, phase_of, roll_off, slip
-from billiards_sim.engine.schedule import mark
-from billiards_sim.engine.state import AT_REST, INF, QUEUED, ROLLING, SLIDING, Ball, Constants, Contact, State
-
-PRESS_HEIGHT = 1e-12
-"""m. A bounce that would rise less than this is sustained contact; far below any position error that matters, far above
-the rounding of a position (1e-16)."""
+from billiards_sim.engine.schedule import hold_each_other, mark
+from billiards_sim.engine.state import (
+    AT_REST,
+    INF,
+    PRESS_HEIGHT,
+    QUEUED,
+    ROLLING,
+    SLIDING,
+    Ball,
+    Constants,
+    Contact,
+    State,
+)
 
 PRESS_ACCELERATION = 1e-10
 """m/s^2. Bodies that close more slowly do not press: it moves them by less than 1e-10 m within a second."""
@@ -42,15 +49,26 @@ SHORT_STEP = 2e-5
 MAX_STEP = 1.0
 """s. Where nothing turns, a step may be as long as the motion."""
 
-MAX_STRAY = 1e-9
-"""m s/s: turning rate of a normal times the cube of a step. Between the ends of a step the gap of two balls, whose push
-changes by a few m/s^2 a radian, then strays by less than 1e-10 m."""
+MAX_TURNING = 1e-9
+"""s^2. Turning rate of a normal times the cube of a step: a first guess of a step that keeps to `MAX_STRAY`."""
+
+MAX_STRAY = 2e-10
+"""m. What the gap of two balls may be off by between the ends of a step; a fifth of what counts as an overlap."""
 
 MIN_STEP = 1e-8
 """s. A slip that friction ends within this time has ended."""
 
 MIN_WAY = 1e-12
-"""m. A ball in contact that rolls no further than this rests."""
+"""m. A ball in contact that rolls no further than this rests; more after many slow impacts, as with their height."""
+
+RESTORING_SPEED = 1e-6
+"""m/s. Balls in contact that overlap, since something cut a step short or a push was rounded, come apart no faster."""
+
+LEAST_OVERLAP = 1e-10
+"""m. A smaller overlap is left alone: half of what a step may stray by, far above the rounding of blocked balls."""
+
+RESTORING_SWEEPS = 200
+"""Sweeps until which the pushes are to end overlaps. Between blocked balls that began with one they cannot."""
 
 MAX_TURN = 0.2
 """rad. Largest turn of a slip or of a rolling direction in a step."""
@@ -71,6 +89,12 @@ GAP_TOLERANCE = 1e-16
 SPEED_TOLERANCE = 1e-15
 """m/s. Accuracy of the velocities when motion along the normals is taken out."""
 
+PLAIN_SWEEPS = 32
+"""Sweeps until which pushes and kicks are not relaxed: most islands are solved by then."""
+
+OVER_RELAXATION = 1.6
+"""Of pushes and kicks in later sweeps: a long chain needs a third of the sweeps."""
+
 MAX_ITERATIONS = 1000
 """Bound on the sweeps over the contacts; chains of 16 balls need about 300."""
 
@@ -89,6 +113,15 @@ def hold(state: State, first: int, second: int) -> None:
         state.balls[second].held += 1
     else:
         _hold_at_rail(state.balls[first], second, True)
+
+
+@kernel
+def is_held(state: State, first: int, second: int) -> bool:
+    """Whether ball `first` and ball `second`, or rail -1 - `second`, are in sustained contact."""
+    if second >= 0:
+        return hold_each_other(state, first, second)
+    ball = state.balls[first]
+    return ball.held_x if -1 - second in (X_MIN, X_MAX) else ball.held_y
 
 
 @kernel
@@ -173,32 +206,28 @@ def _mean_acceleration(ball: Ball, approach: float, constants: Constants) -> tup
 @kernel
 def presses_rail(ball: Ball, nx: float, ny: float, approach: float, constants: Constants) -> bool:
     """Whether a ball that arrives at a rail (normal into the table) has bounced low enough to stay on it."""
-    if _too_fast(constants.restitution * approach, constants):
+    lenient = leniency(ball.bounces)
+    if not is_low(constants.restitution * approach, lenient, constants):
         return False
     ax, ay = _mean_acceleration(ball, approach, constants)
-    return _stays(-(ax * nx + ay * ny), constants.restitution * approach)
+    return _stays(-(ax * nx + ay * ny), constants.restitution * approach, lenient)
 
 
 @kernel
 def presses_ball(first: Ball, second: Ball, nx: float, ny: float, approach: float, constants: Constants) -> bool:
     """Whether two balls that meet (normal from the second to the first) bounce low enough to stay together."""
-    if _too_fast(approach, constants):
+    lenient = leniency(min(first.bounces, second.bounces))
+    if not is_low(approach, lenient, constants):
         return False
     ax, ay = _mean_acceleration(first, approach, constants)
     bx, by = _mean_acceleration(second, approach, constants)
     across = (first.vy - second.vy) * nx - (first.vx - second.vx) * ny
-    return _stays((bx - ax) * nx + (by - ay) * ny - 0.5 * across * across / constants.radius, approach)
+    return _stays((bx - ax) * nx + (by - ay) * ny - 0.5 * across * across / constants.radius, approach, lenient)
 
 
 @kernel
-def _too_fast(speed: float, constants: Constants) -> bool:
-    # Without a look at the motion: free balls close at no more than twice the friction of both kinds.
-    return speed * speed > 4.0 * (constants.sliding + constants.rolling) * PRESS_HEIGHT
-
-
-@kernel
-def _stays(closing: float, speed: float) -> bool:
-    return closing > PRESS_ACCELERATION and speed * speed <= 2.0 * closing * PRESS_HEIGHT
+def _stays(closing: float, speed: float, lenient: float) -> bool:
+    return closing > PRESS_ACCELERATION and speed * speed <= 2.0 * closing * PRESS_HEIGHT * lenient
 
 
 @kernel
@@ -232,29 +261,50 @@ def _settle(state: State, constants: Constants, i: int, now: float) -> None:
         balls[member].phase_end = now
         _end_micro_slip(balls[member], constants)
     _set_normals(state, contacts, 0.0)
-    for _ in range(MAX_ITERATIONS):
+    stopping = True
+    while stopping:  # a ball that stops does not yield any more, and its neighbours must not close on it
+        _stop_normal_motion(state, constants, contacts)
+        stopping = False
+        for k in range(count):
+            if _end_micro_motion(balls[state.members[k].ball], constants):
+                stopping = True
+
+
+@kernel
+def _stop_normal_motion(state: State, constants: Constants, contacts: int) -> None:
+    # Sweeps over the contacts of an island until none has a velocity along its normal.
+    balls = state.balls
+    for sweep in range(MAX_ITERATIONS):
         state.clock[0].work += contacts
+        relaxation = 1.0 if sweep < PLAIN_SWEEPS else OVER_RELAXATION
         worst = 0.0
         for c in range(contacts):
             contact = state.contacts[c]
             first = balls[contact.first]
             nx, ny = contact.normal_x, contact.normal_y
-            speed = first.vx * nx + first.vy * ny
+            speed = _opening_speed(state, contact)
             give = _yield_to_kick(first)
             if contact.second >= 0:
-                second = balls[contact.second]
-                speed -= second.vx * nx + second.vy * ny
-                give += _yield_to_kick(second)
+                give += _yield_to_kick(balls[contact.second])
             if give > 0.0:
-                kick = -speed / give
+                kick = -relaxation * speed / give
                 _kick(first, kick * nx, kick * ny, constants.radius)
                 if contact.second >= 0:
                     _kick(balls[contact.second], -kick * nx, -kick * ny, constants.radius)
                 worst = max(worst, abs(speed))
         if worst <= SPEED_TOLERANCE:
-            break
-    for k in range(count):
-        _end_micro_motion(balls[state.members[k].ball], constants)
+            return
+
+
+@kernel
+def _opening_speed(state: State, contact: Contact) -> float:
+    # Along the normal, m/s.
+    first = state.balls[contact.first]
+    speed = first.vx * contact.normal_x + first.vy * contact.normal_y
+    if contact.second >= 0:
+        second = state.balls[contact.second]
+        speed -= second.vx * contact.normal_x + second.vy * contact.normal_y
+    return speed
 
 
 @kernel
@@ -267,18 +317,32 @@ def _end_micro_slip(ball: Ball, constants: Constants) -> None:
 
 
 @kernel
-def _end_micro_motion(ball: Ball, constants: Constants) -> None:
-    # A roll that has stopped, or is ending and would go no further than MIN_WAY. The acceleration stays: it tells what
-    # pushes the ball.
+def _end_micro_motion(ball: Ball, constants: Constants) -> bool:
+    # A roll that has stopped, or is ending and would go no further than MIN_WAY; returns whether the ball had any
+    # velocity left. The acceleration stays: it tells what pushes the ball.
     square = ball.vx * ball.vx + ball.vy * ball.vy
     ending = ball.ax * ball.vx + ball.ay * ball.vy <= 0.0
     stopped = square <= constants.rest_speed * constants.rest_speed
-    if ball.phase == ROLLING and (stopped or (ending and square <= 2.0 * constants.rolling * MIN_WAY)):
-        ball.phase = AT_REST
-        ball.vx = 0.0
-        ball.vy = 0.0
-        ball.wx = 0.0
-        ball.wy = 0.0
+    ending = ending and square <= 2.0 * constants.rolling * _least_way(ball)
+    if not (ball.phase == ROLLING and (stopped or ending)):
+        return False
+    _stop(ball)
+    return square > 0.0
+
+
+@kernel
+def _least_way(ball: Ball) -> float:
+    # A ball in contact that rolls no further than this, m, rests.
+    return MIN_WAY * leniency(ball.bounces)
+
+
+@kernel
+def _stop(ball: Ball) -> None:
+    ball.phase = AT_REST
+    ball.vx = 0.0
+    ball.vy = 0.0
+    ball.wx = 0.0
+    ball.wy = 0.0
 
 
 @kernel
@@ -294,9 +358,9 @@ def _kick(ball: Ball, jx: float, jy: float, radius: float) -> None:
     give = _yield_to_kick(ball)
     ball.vx += give * jx
     ball.vy += give * jy
-    if ball.phase == ROLLING:
-        ball.wx = -ball.vy / radius
-        ball.wy = ball.vx / radius
+    if ball.phase == ROLLING:  # a slip that is too small to count stays what it is, else energy could rise
+        ball.wx -= give * jy / radius
+        ball.wy += give * jx / radius
 
 
 @kernel
@@ -384,8 +448,8 @@ def _push(ball: Ball, fx: float, fy: float, constants: Constants) -> None:
 
 @kernel
 def _solve_pushes(state: State, constants: Constants, contacts: int, count: int, step: float) -> None:
-    # Pushes of an island by sweeps over them (projected Gauss-Seidel). With a step, no gap changes over it; without,
-    # no relative normal acceleration.
+    # Pushes of an island by sweeps over them (projected Gauss-Seidel). With a step, no gap changes over it but for an
+    # overlap, which ends; without, there is no relative normal acceleration.
     for k in range(count):
         ball = state.balls[state.members[k].ball]
         ball.push_x = 0.0
@@ -398,41 +462,73 @@ def _solve_pushes(state: State, constants: Constants, contacts: int, count: int,
         _push(state.balls[contact.first], fx, fy, constants)
         if contact.second >= 0:
             _push(state.balls[contact.second], -fx, -fy, constants)
+    # The resistance falls with the push, so a ball that rolls along it gives way more than by the 5/7.
+    rolling_give = 5.0 / 7.0
+    if constants.sliding > 0.0:
+        rolling_give += constants.rolling / (3.5 * constants.sliding)
     enough = max(PUSH_TOLERANCE, GAP_TOLERANCE / (step * step)) if step > 0.0 else PUSH_TOLERANCE
-    for _ in range(MAX_ITERATIONS):
+    for sweep in range(MAX_ITERATIONS):
         state.clock[0].work += contacts
+        relaxation = 1.0 if sweep < PLAIN_SWEEPS else OVER_RELAXATION
         worst = 0.0
         for c in range(contacts):
             contact = state.contacts[c]
             first = state.balls[contact.first]
             nx, ny = contact.normal_x, contact.normal_y
-            give = 1.0 if first.phase == SLIDING else 5.0 / 7.0
-            if contact.second < 0:
-                opening = first.ax * nx + first.ay * ny
-            else:
+            give = 1.0 if first.phase == SLIDING else rolling_give
+            if contact.second >= 0:
                 second = state.balls[contact.second]
-                give += 1.0 if second.phase == SLIDING else 5.0 / 7.0
-                qx, qy = _separation(state, contact, 0.0)
-                distance = math.sqrt(qx * qx + qy * qy)
-                if step > 0.0:
-                    ex, ey = _separation(state, contact, step)
-                    # |e| - |q| without cancellation
-                    change = (ex - qx) * (ex + qx) + (ey - qy) * (ey + qy)
-                    opening = 2.0 * change / ((math.sqrt(ex * ex + ey * ey) + distance) * step * step)
-                else:
-                    across = (first.vy - second.vy) * nx - (first.vx - second.vx) * ny
-                    opening = (first.ax - second.ax) * nx + (first.ay - second.ay) * ny
-                    opening += across * across / distance
-            new = max(contact.push - opening / give, 0.0)
+                give += 1.0 if second.phase == SLIDING else rolling_give
+            if step > 0.0:
+                parted, overlap = _parts_by(state, constants, contact, step)
+                if overlap > LEAST_OVERLAP and sweep < RESTORING_SWEEPS:
+                    parted -= min(overlap, RESTORING_SPEED * step)
+                opening = 2.0 * parted / (step * step)
+            else:
+                opening = _opening_acceleration(state, contact)
+            new = max(contact.push - relaxation * opening / give, 0.0)
             change = new - contact.push
             if change != 0.0:
                 contact.push = new
                 _push(first, change * nx, change * ny, constants)
                 if contact.second >= 0:
-                    _push(second, -change * nx, -change * ny, constants)
+                    _push(state.balls[contact.second], -change * nx, -change * ny, constants)
                 worst = max(worst, abs(change))
         if worst <= enough:
             break
+
+
+@kernel
+def _parts_by(state: State, constants: Constants, contact: Contact, step: float) -> tuple[float, float]:
+    # How far the bodies come apart over a step, m, and how far they overlap at its start if one of them moves.
+    first = state.balls[contact.first]
+    nx, ny = contact.normal_x, contact.normal_y
+    if contact.second < 0:
+        opening = first.vx * nx + first.vy * ny + 0.5 * (first.ax * nx + first.ay * ny) * step
+        limit = constants.limit_x if nx != 0.0 else constants.limit_y
+        return opening * step, -limit - first.x * nx - first.y * ny
+    qx, qy = _separation(state, contact, 0.0)
+    ex, ey = _separation(state, contact, step)
+    distance = math.sqrt(qx * qx + qy * qy)
+    # |e| - |q| without cancellation
+    change = (ex - qx) * (ex + qx) + (ey - qy) * (ey + qy)
+    moving = first.phase != AT_REST or state.balls[contact.second].phase != AT_REST
+    overlap = 2.0 * constants.radius - distance if moving else 0.0
+    return change / (math.sqrt(ex * ex + ey * ey) + distance), overlap
+
+
+@kernel
+def _opening_acceleration(state: State, contact: Contact) -> float:
+    # Along the normal, m/s^2, the centripetal term included.
+    first = state.balls[contact.first]
+    nx, ny = contact.normal_x, contact.normal_y
+    if contact.second < 0:
+        return first.ax * nx + first.ay * ny
+    second = state.balls[contact.second]
+    qx, qy = _separation(state, contact, 0.0)
+    across = (first.vy - second.vy) * nx - (first.vx - second.vx) * ny
+    opening = (first.ax - second.ax) * nx + (first.ay - second.ay) * ny
+    return opening + across * across / math.sqrt(qx * qx + qy * qy)
 
 
 @kernel
@@ -455,9 +551,9 @@ def _step_for(ball: Ball, constants: Constants) -> float:
     if across > 0.0:
         turn = min(MAX_TURN, math.sqrt(error / speed)) if speed > 0.0 else MAX_TURN
         step = turn * speed / across
-        if ball.phase == ROLLING:  # on the first MIN_WAY the direction does not matter
-            pull = math.sqrt(ax * ax + ay * ay)
-            step = max(step, 2.0 * MIN_WAY / (speed + math.sqrt(speed * speed + 2.0 * MIN_WAY * pull)))
+        if ball.phase == ROLLING:  # at first the direction does not matter
+            way = _least_way(ball)
+            step = max(step, 2.0 * way / (speed + math.sqrt(speed * speed + 2.0 * way * math.sqrt(ax * ax + ay * ay))))
     if along < 0.0 and speed < -along * 2.0 * step:
         stop = speed / -along
         step = stop if stop <= step else 0.5 * stop
@@ -480,7 +576,30 @@ def update_contacts(state: State, constants: Constants, i: int, now: float) -> N
     """
     balls = state.balls
     contacts, count = _gather(state, i)
-    _set_normals(state, contacts, 0.0)
+    step = 0.0
+    while step == 0.0:
+        _set_normals(state, contacts, 0.0)
+        _solve_first_pushes(state, constants, contacts, count)
+        if not _stop_reversing_balls(state, constants, contacts, count):
+            step = _solve_step(state, constants, contacts, count)
+    for k in range(count):
+        ball = balls[state.members[k].ball]
+        ball.phase_end = now + step
+        if ball.phase == AT_REST:
+            if abs(ball.ax) + abs(ball.ay) > PRESS_ACCELERATION:
+                ball.phase = ROLLING
+            else:
+                _stay(ball)
+    for c in range(contacts - 1, -1, -1):
+        # One that closes at first and opens within the step lasts for the step.
+        if state.contacts[c].push <= PUSH_TOLERANCE and not state.contacts[c].closes:
+            _release(state, c)
+
+
+@kernel
+def _solve_first_pushes(state: State, constants: Constants, contacts: int, count: int) -> None:
+    # Pushes of an island at the start of a step.
+    balls = state.balls
     for c in range(contacts):
         state.contacts[c].push = 0.0  # not from where they were: among resting balls any old push would do
     sliding_off = True
@@ -493,35 +612,78 @@ def update_contacts(state: State, constants: Constants, i: int, now: float) -> N
             if _slides_off(balls[state.members[k].ball], constants):
                 sliding_off = True
     for c in range(contacts):
-        state.contacts[c].first_push = state.contacts[c].push
+        contact = state.contacts[c]
+        contact.closes = contact.push > PUSH_TOLERANCE or _opening_speed(state, contact) < -constants.least_approach
+
+
+@kernel
+def _solve_step(state: State, constants: Constants, contacts: int, count: int) -> float:
+    # The longest step of an island that its arcs allow, with the pushes over it; 0 where a ball had to be stopped.
     step = _step_for_all(state, constants, count)
     for c in range(contacts):
         turning = _turning_rate(state, state.contacts[c], constants)
-        while turning * step * step * step > MAX_STRAY:
+        while turning * step * step * step > MAX_TURNING:
             step *= 0.5
-    solved = False
-    while not solved:
+    while True:
         step = max(step, MIN_STEP)
         for k in range(count):
-            _set_direction(balls[state.members[k].ball], 0.5 * step, constants)
+            _set_direction(state.balls[state.members[k].ball], 0.5 * step, constants)
         _set_normals(state, contacts, 0.5 * step)
         _solve_pushes(state, constants, contacts, count, step if step >= SHORT_STEP else 0.0)
+        if _stop_reversing_balls(state, constants, contacts, count):
+            return 0.0
         allowed = _step_for_all(state, constants, count)
-        solved = allowed >= 0.5 * step or step == MIN_STEP  # else a direction turns once the ball sets off
-        if not solved:
-            step = allowed
+        if allowed >= 0.5 * step:  # else a direction turns once the ball sets off
+            allowed = _step_within_stray(state, contacts, step)
+        if allowed >= step or step == MIN_STEP:
+            return step
+        step = allowed
+
+
+@kernel
+def _stop_reversing_balls(state: State, constants: Constants, contacts: int, count: int) -> bool:
+    # Stop the balls that would roll no further than MIN_WAY before their pushes turn them back: a ball
+    # that rests is held by the resistance of the cloth, where one that hardly rolls would turn back again and again.
+    # Returns whether there were any; the pushes are then to be solved again.
+    stopped = False
     for k in range(count):
-        ball = balls[state.members[k].ball]
-        ball.phase_end = now + step
-        if ball.phase == AT_REST:
-            if abs(ball.ax) + abs(ball.ay) > PRESS_ACCELERATION:
-                ball.phase = ROLLING
-            else:
-                _stay(ball)
-    for c in range(contacts - 1, -1, -1):
-        # One that closes at first and opens within the step lasts for the step.
-        if max(state.contacts[c].push, state.contacts[c].first_push) <= PUSH_TOLERANCE:
-            _release(state, c)
+        ball = state.balls[state.members[k].ball]
+        square = ball.vx * ball.vx + ball.vy * ball.vy
+        along = ball.ax * ball.vx + ball.ay * ball.vy
+        if ball.phase == ROLLING and 0.0 < square * math.sqrt(square) <= -2.0 * along * _least_way(ball):
+            _stop(ball)
+            stopped = True
+    if stopped:
+        _set_normals(state, contacts, 0.0)
+        _stop_normal_motion(state, constants, contacts)
+    return stopped
+
+
+@kernel
+def _step_within_stray(state: State, contacts: int, step: float) -> float:
+    # A step that keeps the gaps within MAX_STRAY at every instant, where they are what they were at both of its ends.
+    # With relative place q, velocity v and acceleration a, the square of the distance d is then off by
+    # t (t - h) (q.a + v^2 + v.a (t + h) + a^2/4 (t^2 + h t + h^2)) after t of a step h, and as it is not off after h,
+    # by t (t - h)/h (v.a h t + a^2/4 (t^2 + h t) h - 2 q.v): no more than |q.v| h/2 + 4/27 |v.a| h^3 + a^2 h^4/16.
+    allowed = step
+    for c in range(contacts):
+        contact = state.contacts[c]
+        if contact.second < 0:
+            closing = abs(_opening_speed(state, contact))
+            while 0.25 * closing * allowed > MAX_STRAY:
+                allowed *= 0.5
+            continue
+        first, second = state.balls[contact.first], state.balls[contact.second]
+        vx, vy = first.vx - second.vx, first.vy - second.vy
+        ax, ay = first.ax - second.ax, first.ay - second.ay
+        qx, qy = first.x - second.x, first.y - second.y
+        most = 2.0 * MAX_STRAY * math.sqrt(qx * qx + qy * qy)
+        linear = 0.5 * abs(qx * vx + qy * vy)
+        cubic = 4.0 / 27.0 * abs(vx * ax + vy * ay)
+        quartic = (ax * ax + ay * ay) / 16.0
+        while (linear + (cubic + quartic * allowed) * allowed * allowed) * allowed > most:
+            allowed *= 0.5
+    return allowed
 
 
 @kernel

@@ -3,10 +3,18 @@
 
 from __future__ import annotations
 
-from billiards_sim.engine.cluster import bring_all, gather, reflect
-from billiards_sim.engine.contact import bring, hold, presses_ball, presses_rail, release_ball, update_contacts
+from billiards_sim.engine.cluster import bring_all, closing_speed, gather, reflect
+from billiards_sim.engine.contact import bring, hold, is_held, presses_ball, presses_rail, release_ball, update_contacts
 from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, RESTED, ROLLED
-from billiards_sim.engine.impact import approach_speed, collide_balls, collide_rail, normal_between, normal_of_rail
+from billiards_sim.engine.impact import (
+    approach_speed,
+    collide_balls,
+    collide_rail,
+    count_impact,
+    normal_between,
+    normal_of_rail,
+    subsides,
+)
 from billiards_sim.engine.jit import entry, kernel
 from billiards_sim.engine.motion import begin_motion, end_phase, phase_of
 from billiards_sim.engine.schedule import change_cell, enter_all, mark, predict_border, predict_pairs, predict_rail
@@ -83,6 +91,8 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
             _log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
         hold(state, i, j)
         bring(state, constants, i, now)
+    elif approach > 0.0 and subsides(min(first.bounces, second.bounces), approach, constants):
+        _join_all(state, constants, i, now)
     elif approach > 0.0:
         count = gather(state, constants, i, now)
         if count > 1:
@@ -108,6 +118,24 @@ def _meet_all(state: State, constants: Constants, count: int, now: float) -> Non
         _let_go(state, i)
         if j >= 0:
             _let_go(state, j)
+
+
+@kernel
+def _join_all(state: State, constants: Constants, i: int, now: float) -> None:
+    # Everything that touches ball i, and what touches that, stays together. All of it at once: a ball that slides
+    # through a gap between two others would hit one and the other in turn.
+    count = gather(state, constants, i, now)
+    bring_all(state, constants, count, now)
+    for c in range(count):
+        impact = state.impacts[c]
+        first, second = impact.first, impact.second
+        closing = closing_speed(state, impact)
+        if closing > constants.least_approach:
+            impulse = constants.mass * closing
+            _log_impact(state, constants, now, first, second, impact.normal_x, impact.normal_y, closing, impulse)
+        if not is_held(state, first, second):
+            hold(state, first, second)
+    bring(state, constants, i, now)
 
 
 @kernel
@@ -137,6 +165,8 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: int, now: float
     if joins or presses_rail(ball, nx, ny, approach, constants):
         hold(state, i, -1 - rail)
         bring(state, constants, i, now)
+    elif approach > 0.0 and subsides(ball.bounces, approach, constants):
+        _join_all(state, constants, i, now)
     elif approach > 0.0:
         collide_rail(ball, nx, constants)
         _let_go(state, i)
@@ -179,6 +209,9 @@ def _log_impact(
 ) -> None:
     # Of ball i with ball j, or with rail -1 - j; the normal points to ball i.
     ball = state.balls[i]
+    count_impact(ball, approach, constants)
+    if j >= 0:
+        count_impact(state.balls[j], approach, constants)
     point_x = ball.x - constants.radius * nx
     point_y = ball.y - constants.radius * ny
     kind = BALL_BALL if j >= 0 else BALL_RAIL

@@ -44,6 +44,10 @@ JOIN_WAY = 1e-11
 """m. What meets a ball in sustained contact joins the contact if it would roll no further than this after the bounce:
 below 1.4e-6 m/s on the paper's cloth. Else a pushed cluster would be torn apart by its own last bounces."""
 
+PRESS_HEIGHT = 1e-12
+"""m. A bounce that would rise less than this is sustained contact; far below any position error that matters, far above
+the rounding of a position (1e-16)."""
+
 SPEED_ROUNDING = 1e-15
 """m/s. An approach this slow at a touch is rounding of velocities that were equal, even without friction."""
 
@@ -86,6 +90,7 @@ class Ball:
     dir_y: float = 0.0
     changed: bool = False  # its motion has changed and the predictions have not
     reported: int = AT_REST  # the phase that the log knows of
+    bounces: int = 0  # slow impacts in a row
     member: int = 0  # of the group that is being gathered: QUEUED or LISTED
 
 
@@ -98,7 +103,7 @@ class Contact:
     push: float = 0.0  # m/s^2 per mass
     normal_x: float = 0.0  # unit, from second to first
     normal_y: float = 0.0
-    first_push: float = 0.0  # m/s^2, the push at the start of a step
+    closes: bool = False  # at the start of a step
 
 
 @dataclass(slots=True)
@@ -183,6 +188,7 @@ class Constants(NamedTuple):
     rest_speed: float  # m/s, a ball or a slip this slow has stopped
     least_approach: float  # m/s, bodies in touch that approach no faster do not
     join_speed: float  # m/s, what meets a ball in sustained contact no faster joins it
+    low_speed: float  # m/s, faster bounces rise above PRESS_HEIGHT, whatever friction does
 
 
 def constants(physics: Physics, table: Table, count: int) -> Constants:
@@ -208,4 +214,5 @@ def constants(physics: Physics, table: Table, count: int) -> Constants:
         rest_speed=rest_speed,
         least_approach=max(rest_speed, SPEED_ROUNDING),
         join_speed=math.sqrt(2.0 * rolling * JOIN_WAY) if sliding > 0.0 else 0.0,
+        low_speed=math.sqrt(4.0 * (sliding + rolling) * PRESS_HEIGHT),
     )

@@ -128,3 +128,32 @@ def extremes(scene: bs.Scene, prepare: Callable[[bs.Simulation], None] = lambda 
             assert now == 0.0
         energy = now
     return result
+
+
+INSTANTS = 6
+"""Looks at a run between each two instants at which the motion of any ball changes."""
+
+LOOKED_AT_ONCE = 2000
+"""Instants, to bound the memory."""
+
+
+def depth_at_every_instant(scene: bs.Scene, until: float | None = None) -> float:
+    """How far any ball reaches into another or into a rail at the worst, m, as long as any moves or until a time.
+
+    Between two changes of any motion, steps of sustained contact among them, distances are smooth.
+    """
+    run = bs.record(bs.Simulation(scene), until)
+    changes = np.unique(np.append(run._times, run.end))
+    shares = np.arange(1, INSTANTS + 1) / INSTANTS
+    times = np.append(changes[0], (changes[:-1, np.newaxis] + np.diff(changes)[:, np.newaxis] * shares).ravel())
+    low = np.array([scene.table.x_min, scene.table.y_min]) + scene.physics.radius
+    high = np.array([scene.table.x_max, scene.table.y_max]) - scene.physics.radius
+    one, other = np.triu_indices(len(scene), 1)
+    worst = -np.inf
+    for first in range(0, len(times), LOOKED_AT_ONCE):
+        positions = run.positions(times[first : first + LOOKED_AT_ONCE])
+        worst = max(worst, (low - positions).max(), (positions - high).max())
+        if len(one):
+            apart = positions[:, one] - positions[:, other]
+            worst = max(worst, 2.0 * scene.physics.radius - np.hypot(apart[..., 0], apart[..., 1]).min())
+    return float(worst)

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from checks import AT_X_MAX, AT_Y_MAX, RADIUS, ROLLING, SLIDING, extremes
+from checks import AT_X_MAX, AT_Y_MAX, RADIUS, ROLLING, SLIDING, TABLE, depth_at_every_instant, extremes
+from provoke import frozen_row
 
 import billiards_sim as bs
 
@@ -229,3 +230,27 @@ def test_pieces_of_a_contact_give_the_bits_of_one_run() -> None:
     collected = [event for _ in range(1000) for event in pieces.advance(0.001)]
     assert collected == list(events)
     assert np.array_equal(pieces.positions, whole.positions)
+
+
+def test_row_on_a_rail_does_not_overlap_where_one_ball_stops_beside_a_rolling_one() -> None:
+    places = [[0.6 + 2.0 * RADIUS * index, TABLE.y_min + RADIUS] for index in range(6)]
+    spins = [[0, 0, 0], [0, 0, 0], [294, -95, 0], [71, 1, 0], [300, -12, 0], [0, 0, 0]]
+    assert depth_at_every_instant(bs.Scene(places, None, spins), until=1.2627746) <= 1e-9
+
+
+@pytest.mark.parametrize("first", range(0, 20, 5))
+def test_pressed_rows_do_not_overlap_at_any_instant(first: int) -> None:
+    for seed in range(first, first + 5):
+        assert depth_at_every_instant(frozen_row(seed)) <= 1e-9, seed
+
+
+def test_ball_that_slides_through_a_gap_between_a_rail_and_another_gets_through() -> None:
+    # It touches both where the gap is narrowest, and pushes the other aside by less than 1e-12 m.
+    narrow = 2e-13
+    across = 2.0 * RADIUS - narrow
+    start = [AT_X_MAX, 0.6 - 1e-6]
+    scene = bs.Scene([start, [AT_X_MAX - across, 0.6]], [[0.0, 0.02], [0.0, 0.0]], [[-0.02 / RADIUS, 0, 0], [0, 0, 0]])
+    simulation = bs.Simulation(scene)
+    events = simulation.run()
+    assert len(events) < 1000
+    assert simulation.positions[0, 1] == pytest.approx(start[1] + 0.02**2 / (2.0 * ROLLING), abs=1e-9)

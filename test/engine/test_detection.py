@@ -57,7 +57,7 @@ def miss_distance(px, py, vx, vy, ax, ay, horizon) -> float:
     return float(np.hypot(px + (vx + 0.5 * ax * t) * t, py + (vy + 0.5 * ay * t) * t).min()) - DIAMETER
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(coordinate, coordinate, velocity, velocity, acceleration, acceleration, st.floats(0.01, 2.0))
 def test_first_contact_is_the_first_root(px, py, vx, vy, ax, ay, horizon) -> None:
     if math.hypot(px, py) <= 1.001 * DIAMETER:

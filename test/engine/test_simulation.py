@@ -39,7 +39,7 @@ def test_advance_in_pieces_gives_the_bits_of_one_run() -> None:
     assert np.array_equal(pieces.angular_velocities, whole.angular_velocities)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10_000), st.lists(st.floats(0.0, 1.0), max_size=8))
 def test_any_cuts_give_the_bits_of_one_run(seed: int, cuts: list[float]) -> None:
     whole, pieces = bs.Simulation(random_scene(seed)), bs.Simulation(random_scene(seed))
@@ -228,7 +228,7 @@ def test_overlap_within_the_tolerance_is_a_touch(overlap: float) -> None:
     assert into.advance(1e-15)[0].kind == "ball_ball"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6))
 def test_impacts_keep_momentum_and_energy(seed: int) -> None:
     # On cloth without friction, the balls alone: momentum and energy only change at rails.
