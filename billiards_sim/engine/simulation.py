@@ -480,7 +480,7 @@ class Simulation:
             return
         gone = time - mark.time
         if gone < STALL_TIME and gone * mark.speed < self._scene.physics.radius:
-            reason = f"no progress: {passes - mark.passes} steps from {mark.time!r} to {time!r} s after the last shot"
+            reason = f"no progress: {passes - mark.passes} steps from {mark.time!r} to {time!r} s since the last shot"
             now, events = self._handing_over(self._now.asked, self._now.rest)
             error = StallError(reason, self._origin(), events)
             self._now = now

@@ -366,7 +366,9 @@ def test_stall_tells_plain_times(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
     simulation = bs.Simulation(bs.scenes.eight_ball())
     break_shot(simulation)
-    with pytest.raises(bs.StallError, match=r"^no progress: 5 steps from \d\.\d+ to \d\.\d+ s after") as stall:
+    with pytest.raises(
+        bs.StallError, match=r"^no progress: 5 steps from \d\.\d+ to \d\.\d+ s since the last shot"
+    ) as stall:
         simulation.run()
     Path(str(stall.value.path)).unlink()
 
