@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 
-from geometry_msgs.msg import PoseArray, WrenchStamped
 from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
@@ -13,7 +12,7 @@ from billiards_sim.engine.simulation import Simulation
 from billiards_sim.ros import messages
 
 
-def answer(publisher: Publisher, request: WrenchStamped | PoseArray, time: float, reason: str = "") -> None:
+def answer(publisher: Publisher, request: messages.Request, time: float, reason: str = "") -> None:
     """Accept a request at a simulated time, s, or refuse it where there is a reason."""
     publisher.publish(String(data=json.dumps(messages.answer_record(reason, time, messages.stamp_of(request)))))
 

@@ -29,6 +29,11 @@ class Look:
         self._turned = turned
 
     @cached_property
+    def in_play(self) -> NDArray[np.bool_]:
+        """(N,)."""
+        return self._simulation.in_play
+
+    @cached_property
     def positions(self) -> Array:
         """(N, 2) m."""
         return self._simulation.positions

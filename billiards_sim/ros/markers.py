@@ -126,7 +126,9 @@ class BallMarkers:
             line.scale.x = TRAIL_WIDTH * self._radius
             self._trails.append(_Trail(line, self._radius, max(1, min(round(TRAIL_TIME * rate), TRAIL_POINTS))))
         self._trail_of = dict(zip(names, self._trails))
-        self._lasting = [*self._balls, *(stripe for _, stripe in self._stripes)]
+        self._lasting = [*self._balls, *(stripe for _, stripe in self._stripes)]  # of the balls in play
+        self._leaving: list[Marker] = []  # of those that no longer are, until the next message
+        self._in_play = [True] * len(self._balls)
         self._flash = self._marker("contacts", 0, Marker.SPHERE_LIST, FLASH)
         self._flash.scale.x = self._flash.scale.y = self._flash.scale.z = FLASH_SIZE * self._radius
         self._flash.lifetime = _duration(FLASH_LIFETIME)
@@ -140,6 +142,7 @@ class BallMarkers:
         positions: Sequence[Sequence[float]],
         stamp: int,
         orientations: Sequence[Sequence[float]] | None = None,
+        in_play: list[bool] | None = None,
     ) -> MarkerArray:
         """The message of a state, the same object every time. While the stamp stays the same, so do the trails.
 
@@ -147,17 +150,20 @@ class BallMarkers:
             positions: (N, 2) m, Python floats.
             stamp: ns.
             orientations: (N, 4) unit quaternions x y z w, Python floats; None for balls that are all upright.
+            in_play: (N,) whether each ball is to be seen; None for all.
         """
+        self._show(in_play or [True] * len(self._balls))
         set_stamp(self._header.stamp, stamp)
-        for ball, (x, y) in zip(self._balls, positions):
-            ball.pose.position.x = x
-            ball.pose.position.y = y
+        for ball, (x, y), is_there in zip(self._balls, positions, self._in_play):
+            if is_there:
+                ball.pose.position.x = x
+                ball.pose.position.y = y
         self._turn(orientations)
         if stamp != self._stamp:
-            for trail, (x, y) in zip(self._trails, positions):
-                trail.follow(x, y)
+            for trail, (x, y), is_there in zip(self._trails, positions, self._in_play):
+                trail.follow(x, y) if is_there else trail.end()
             self._stamp = stamp
-        self._message.markers = [*self._lasting, *(trail.marker for trail in self._trails if trail.due)]
+        self._message.markers = [*self._lasting, *self._leaving, *(trail.marker for trail in self._trails if trail.due)]
         if self._contacts:
             self._flash.id = (self._flash.id + 1) % FLASH_IDS
             self._flash.points = list(self._contacts)
@@ -180,6 +186,20 @@ class BallMarkers:
             trail.restart()
         self._contacts.clear()
         self._stamp = None
+
+    def _show(self, in_play: list[bool]) -> None:
+        # What belongs to a ball that has left is taken away by one message.
+        self._leaving = []
+        if in_play == self._in_play:
+            return
+        self._lasting = []
+        for index, marker in [*enumerate(self._balls), *self._stripes]:
+            marker.action = Marker.ADD if in_play[index] else Marker.DELETE
+            if in_play[index]:
+                self._lasting.append(marker)
+            elif self._in_play[index]:
+                self._leaving.append(marker)
+        self._in_play = in_play
 
     def _turn(self, orientations: Sequence[Sequence[float]] | None) -> None:
         turned = orientations is not None
@@ -243,6 +263,12 @@ class _Trail:
             self.marker.colors = [self._colours[self._message - message] for message, _ in points]
         self._drawn = drawn
 
+    def end(self) -> None:
+        """The ball has left the table."""
+        self.restart()
+        self.due, self._drawn = self._drawn, False
+        self.marker.action = Marker.DELETE
+
     def restart(self) -> None:
         """Forget where the ball was."""
         self._points.clear()
@@ -293,7 +319,8 @@ def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerAr
     if preview is None:
         return message
     radius = preview.scene.physics.radius
-    for index, (name, path) in enumerate(zip(preview.scene.names, preview.paths)):
+    for index, name in enumerate(preview.scene.names):
+        path = preview.paths.get(name, ())
         if len(path) < 2:
             continue  # a translucent ball where the ball itself lies would only tint it
         points = [(x, y) for _, x, y in path]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -38,6 +38,10 @@ LENGTH = 4
 """Bytes of the length of a sequence in a serialized message."""
 
 
+Request: TypeAlias = WrenchStamped | PoseArray | MultiDOFJointState
+"""What people ask with."""
+
+
 class Stamps:
     """ROS stamps of simulated times, ns: one time has a stamp, and from there simulated time counts.
 
@@ -64,7 +68,7 @@ def set_stamp(message: Time, stamp: int) -> None:
     message.sec, message.nanosec = divmod(stamp, NANOSECONDS)
 
 
-def stamp_of(message: WrenchStamped | PoseArray) -> tuple[int, int]:
+def stamp_of(message: Request) -> tuple[int, int]:
     """(sec, nanosec) of a message's header."""
     return message.header.stamp.sec, message.header.stamp.nanosec
 
@@ -94,6 +98,8 @@ class Serialized:
 class Poses:
     """`balls/poses`: the balls lie on the cloth, upright unless orientations are given.
 
+    Those that are not in play lie one radius under the origin of the frame: that is a place, and none on the table.
+
     Args:
         count: of balls.
         radius: m.
@@ -104,19 +110,25 @@ class Poses:
         message = PoseArray()
         message.header.frame_id = frame
         message.poses = [Pose() for _ in range(count)]
-        for pose in message.poses:
-            pose.position.z = float(radius)
+        self._radius = radius
         self._serialized = Serialized(message)
         self._poses = self._serialized.numbers((count, 7))
 
-    def show(self, positions: NDArray[np.float64], orientations: NDArray[np.float64] | None = None) -> None:
+    def show(
+        self,
+        positions: NDArray[np.float64],
+        in_play: NDArray[np.bool_],
+        orientations: NDArray[np.float64] | None = None,
+    ) -> None:
         """Say where the balls are.
 
         Args:
-            positions: (N, 2) m.
+            positions: (N, 2) m, of balls that are not in play of no matter.
+            in_play: (N,).
             orientations: (N, 4) unit quaternions x y z w.
         """
-        self._poses[:, :2] = positions
+        self._poses[:, :2] = np.where(in_play[:, np.newaxis], positions, 0.0)
+        self._poses[:, 2] = np.where(in_play, self._radius, -self._radius)
         if orientations is not None:
             self._poses[:, 3:] = orientations
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from billiards_sim.engine.events import Event
@@ -47,8 +47,9 @@ class Preview:
         end: time of the last state, s.
         complete: whether every ball rests at the end; else it ran into `HORIZON`, `MOST_EVENTS` or `MOST_WORK`.
         events: in order.
-        paths: of each ball the points (t, x, y), simulated s and m, that its centre passes, in order, as `Run.path`
-            has them; the struck ball's begin where it lay before the cue pushed it. A single one for a ball that stays.
+        paths: of each ball in play, by name in the order of the scene, the points (t, x, y), simulated s and m, that
+            its centre passes, as `Run.path` has them; the struck ball's begin where it lay before the cue pushed it. A
+            single one for a ball that stays.
     """
 
     scene: Scene
@@ -56,12 +57,12 @@ class Preview:
     end: float
     complete: bool
     events: Sequence[Event]
-    paths: Sequence[Sequence[tuple[float, float, float]]]
+    paths: Mapping[str, Sequence[tuple[float, float, float]]]
 
     @property
-    def final_positions(self) -> list[tuple[float, float]]:
-        """(N, 2) m."""
-        return [(x, y) for _, x, y in (path[-1] for path in self.paths)]
+    def final_positions(self) -> dict[str, tuple[float, float]]:
+        """(x, y) m of each ball in play."""
+        return {name: path[-1][1:] for name, path in self.paths.items()}
 
 
 class Prediction:
@@ -74,9 +75,11 @@ class Prediction:
     def __init__(self, simulation: Simulation, shot: Shot) -> None:
         self._twin = simulation.copy()
         self._start = self._twin.time
-        self._lay = [(self._start, x, y) for x, y in self._twin.positions.tolist()]
+        names, in_play = self._twin.start_scene.names, self._twin.in_play
+        places = zip(names, self._twin.positions.tolist(), in_play)
+        self._lay = {name: (self._start, x, y) for name, (x, y), is_there in places if is_there}
         self._twin.strike(shot.force, shot.offset, shot.ball)
-        self._recorder = Recorder(len(self._lay))
+        self._recorder = Recorder(len(names))
         self._log = self._twin.run(self._start, self._recorder, budget=0.0)
         self._work = 0.0  # s
 
@@ -110,10 +113,9 @@ class Prediction:
         cut = len(events) < len(self._log)
         end = events[-1].time if complete or cut else self._twin.time
         run = Run(scene, self._recorder, events, self._start, end)
-        paths = [[tuple(point) for point in run.path(ball).tolist()] for ball in scene.names]
-        return Preview(
-            scene, self._start, end, complete, events, [_from(lay, path) for lay, path in zip(self._lay, paths)]
-        )
+        paths = {name: [tuple(point) for point in run.path(name).tolist()] for name in self._lay}
+        paths = {name: path if path[0] == self._lay[name] else [self._lay[name], *path] for name, path in paths.items()}
+        return Preview(scene, self._start, end, complete, events, paths)
 
 
 def predict(simulation: Simulation, shot: Shot) -> Preview:
@@ -135,16 +137,12 @@ def preview_json(preview: Preview, stamps: Stamps, request: tuple[int, int]) -> 
         stamps: of simulated times.
         request: (sec, nanosec), the stamp of the message that asked.
     """
-    names, radius = preview.scene.names, preview.scene.physics.radius
+    radius = preview.scene.physics.radius
     answer = answer_record("", preview.start, request)
     answer["complete"] = preview.complete
     answer["duration"] = preview.end - preview.start
-    answer["names"] = list(names)
-    answer["final_positions"] = dict(zip(names, preview.final_positions))
-    answer["paths"] = dict(zip(names, preview.paths))
+    answer["names"] = list(preview.paths)
+    answer["final_positions"] = preview.final_positions
+    answer["paths"] = preview.paths
     answer["events"] = [collision_record(event, stamps.at(event.time), radius) for event in preview.events]
     return json.dumps(answer)
-
-
-def _from(lay: tuple[float, float, float], path: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-    return path if path[0] == lay else [lay, *path]

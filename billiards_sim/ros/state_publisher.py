@@ -45,23 +45,36 @@ class Forms:
         scene, radius = settings.scene, settings.scene.physics.radius
         self.scene = scene
         self.frame = frame = settings.frame_id
-        bodies = [settings.frame_prefix + name for name in scene.names]
-        self.states = messages.States(scene.names, radius, frame)
+        self._bodies = [settings.frame_prefix + name for name in scene.names]
+        self._tf_type = tf_message_type() if settings.publish_tf else None
         self.poses = messages.Poses(len(scene), radius, frame)
-        self.twists = [messages.BallTwist(body, frame) for body in bodies]
+        self.twists = [messages.BallTwist(body, frame) for body in self._bodies]
         # Balls that rest take turns: at one tick they would overrun a short queue.
         self.round = max(round(TWIST_PERIOD * settings.update_rate), 1)  # ticks
         self.turns = np.arange(len(scene)) * self.round // len(scene)
         self.markers_a_tick = min(settings.marker_rate / settings.update_rate, 1.0)
         self.balls = markers.BallMarkers(scene.names, radius, self.markers_a_tick * settings.update_rate, frame)
-        tf_type = tf_message_type() if settings.publish_tf else None
-        self.frames = BallFrames(tf_type, bodies, radius, frame) if settings.publish_tf else None
+        self._name(np.ones(len(scene), dtype=bool))
         # Only a table that is told to publishes on topics that all nodes share: one time for all has one source.
         self.shared: dict[str, tuple[Any, int]] = {}  # type and depth by topic
         if settings.publish_clock:
             self.shared["/clock"] = Clock, 1
         if settings.publish_tf:
-            self.shared["/tf"] = tf_type, TF_DEPTH
+            self.shared["/tf"] = self._tf_type, TF_DEPTH
+
+    def show(self, in_play: NDArray[np.bool_]) -> None:
+        """Let the messages that name their balls have those in play, (N,)."""
+        if not np.array_equal(in_play, self.in_play):
+            self._name(in_play)
+
+    def _name(self, in_play: NDArray[np.bool_]) -> None:
+        radius = self.scene.physics.radius
+        indices = np.flatnonzero(in_play)
+        self.in_play = in_play
+        self.rows: slice | NDArray[np.intp] = slice(None) if in_play.all() else indices
+        self.states = messages.States([self.scene.names[index] for index in indices], radius, self.frame)
+        bodies = [self._bodies[index] for index in indices]
+        self.frames = BallFrames(self._tf_type, bodies, radius, self.frame) if self._tf_type is not None else None
 
 
 class StatePublisher:
@@ -166,19 +179,22 @@ class StatePublisher:
         if self._look is None or not (at_rest and self._look.still):
             self._look = Look(simulation, at_rest, self._turned)
         look = self._look
+        self._forms.show(look.in_play)
         if _heard(self._states_publisher):
             if self._stated is not look:
-                self._forms.states.show(look.positions, look.velocities, look.spins, look.orientations)
+                rows, turned = self._forms.rows, look.orientations
+                moves = look.positions[rows], look.velocities[rows], look.spins[rows]
+                self._forms.states.show(*moves, None if turned is None else turned[rows])
                 self._stated = look
             self._states_publisher.publish(self._forms.states.stamped(stamp))
         if _heard(self._poses_publisher):
             if self._posed is not look:
-                self._forms.poses.show(look.positions, look.orientations)
+                self._forms.poses.show(look.positions, look.in_play, look.orientations)
                 self._posed = look
             self._poses_publisher.publish(self._forms.poses.stamped(stamp))
         frames = self._forms.frames
         if frames is not None and _heard(self._shared["/tf"]):
-            positions, orientations = _floats(look)
+            positions, orientations = _floats(look, self._forms.rows)
             self._shared["/tf"].publish(frames.at(positions, stamp, orientations))
         if _heard(self._twists_publisher):
             self._publish_twists(look, stamp)
@@ -198,7 +214,8 @@ class StatePublisher:
         self._markers_due -= 1.0
         if _heard(self._markers_publisher) and self._look is not None:
             positions, orientations = _floats(self._look)
-            self._markers_publisher.publish(self._forms.balls.update(positions, stamp, orientations))
+            message = self._forms.balls.update(positions, stamp, orientations, self._look.in_play.tolist())
+            self._markers_publisher.publish(message)
         else:
             self._forms.balls.restart()
 
@@ -218,7 +235,7 @@ class StatePublisher:
 
     def _publish_twists(self, look: Look, stamp: int) -> None:
         # Every tick of a ball that moves, once when it has come to rest, and then when it is its turn.
-        due = self._twists_due | (self._forms.turns == self._ticks % self._forms.round)
+        due = look.in_play & (self._twists_due | (self._forms.turns == self._ticks % self._forms.round))
         if look.at_rest and not due.any():
             return
         motion = np.concatenate((look.velocities, look.spins[:, :2]), axis=1)
@@ -233,6 +250,8 @@ def _heard(publisher: Publisher) -> bool:
     return bool(publisher.get_subscription_count() > 0)
 
 
-def _floats(look: Look) -> tuple[list[list[float]], list[list[float]] | None]:
+def _floats(
+    look: Look, rows: slice | NDArray[np.intp] = slice(None)
+) -> tuple[list[list[float]], list[list[float]] | None]:
     # Positions and orientations as Python floats: other kinds of floats are garbage in a message.
-    return look.positions.tolist(), None if look.orientations is None else look.orientations.tolist()
+    return look.positions[rows].tolist(), None if look.orientations is None else look.orientations[rows].tolist()

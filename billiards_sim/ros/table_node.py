@@ -28,6 +28,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -41,7 +42,7 @@ from billiards_sim.ros.event_queue import MOST_WAITING
 from billiards_sim.ros.followed_clock import FollowedClock
 from billiards_sim.ros.inbox import Inbox
 from billiards_sim.ros.metronome import Metronome
-from billiards_sim.ros.placement import placed_positions
+from billiards_sim.ros.placement import Places, named_balls, placed_balls
 from billiards_sim.ros.preview import predict
 from billiards_sim.ros.previews import Previews
 from billiards_sim.ros.process import (
@@ -190,6 +191,7 @@ class TableNode(Node):
         Inbox(self, WrenchStamped, "cue_shot", self._on_cue_shot)
         Inbox(self, WrenchStamped, "cue_shot/preview", self._on_preview)
         Inbox(self, PoseArray, "place_balls", self._on_place_balls)
+        Inbox(self, MultiDOFJointState, "set_balls", self._on_set_balls)
         for name in qos.unknown_overrides(self):
             self.get_logger().warning(f"parameter {name!r} names no topic or policy of this node")
 
@@ -319,16 +321,26 @@ class TableNode(Node):
         self._previews.ask(message, self._simulation.time)
 
     def _on_place_balls(self, message: PoseArray) -> None:
+        self._on_placement(message, placed_balls)
+
+    def _on_set_balls(self, message: MultiDOFJointState) -> None:
+        self._on_placement(message, named_balls)
+
+    def _on_placement(
+        self,
+        message: PoseArray | MultiDOFJointState,
+        find: Callable[[Any, Scene, float, str], Places],
+    ) -> None:
         try:
             settings = self._settings_at_rest("a placement")
-            # Resting balls stay where they are, so time may go on while a place is looked for.
-            positions = placed_positions(message, settings.scene, settings.placement_tolerance, settings.frame_id)
-            self._place(settings, positions)
+            # Resting balls stay where they are, so time may go on while their new places are looked for.
+            places = find(message, settings.scene, settings.placement_tolerance, settings.frame_id)
+            self._place(settings, places)
         except ValueError as error:
             self._log_refusal("placement", error)
             answer(self._placement_result_publisher, message, self._simulation.time, one_line(error))
             return
-        self.get_logger().info(f"placement accepted: {len(settings.scene)} balls")
+        self.get_logger().info(f"placement accepted: {len(places)} of {len(settings.scene)} balls")
         answer(self._placement_result_publisher, message, self._simulation.time)
 
     @between_ticks
@@ -337,10 +349,13 @@ class TableNode(Node):
         return self._settings
 
     @between_ticks
-    def _place(self, settings: parameters.Settings, positions: NDArray[np.float64]) -> None:
+    def _place(self, settings: parameters.Settings, places: Places) -> None:
         if self._settings is not settings:
             raise ValueError("the table was reset meanwhile")
-        self._put(self._resting(settings.scene, positions, np.zeros((len(settings.scene), 3))))
+        scene, positions = settings.scene, self._simulation.positions
+        in_play = np.array([name in places for name in scene.names])
+        positions[in_play] = [places[name] for name in scene.names if name in places] or np.empty((0, 2))
+        self._put(self._resting(scene, positions, np.zeros((len(scene), 3)), in_play))
 
     @between_ticks
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -426,12 +441,20 @@ class TableNode(Node):
         simulation, old = self._simulation, self._scene
         if (scene.physics, scene.track_orientation) == (old.physics, old.track_orientation):
             return simulation
-        return self._resting(scene, simulation.positions, simulation.angular_velocities)
+        return self._resting(scene, simulation.positions, simulation.angular_velocities, simulation.in_play)
 
-    def _resting(self, scene: Scene, positions: NDArray[np.float64], spins: NDArray[np.float64]) -> Simulation:
+    def _resting(
+        self,
+        scene: Scene,
+        positions: NDArray[np.float64],
+        spins: NDArray[np.float64],
+        in_play: NDArray[np.bool_],
+    ) -> Simulation:
         # The scene's balls at rest at these positions, at the present time.
         still = np.zeros_like(positions)
-        laid = dataclasses.replace(scene, positions=positions, velocities=still, angular_velocities=spins, shot=None)
+        laid = dataclasses.replace(
+            scene, positions=positions, velocities=still, angular_velocities=spins, in_play=in_play, shot=None
+        )
         simulation = Simulation(laid)
         simulation.advance(self._simulation.time)
         return simulation

@@ -19,6 +19,7 @@ from geometry_msgs.msg import PoseArray, VelocityStamped, WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
@@ -145,6 +146,7 @@ class Client:
         self.cue = self.node.create_publisher(WrenchStamped, "cue_shot", 10)
         self.asker = self.node.create_publisher(WrenchStamped, "cue_shot/preview", 1000)
         self.placer = self.node.create_publisher(PoseArray, "place_balls", 10)
+        self.setter = self.node.create_publisher(MultiDOFJointState, "set_balls", 10)
         self._reset = self.node.create_client(Trigger, "table/reset")
         self._pause = self.node.create_client(SetBool, "table/pause")
         self._step = self.node.create_client(Trigger, "table/step")
@@ -157,7 +159,7 @@ class Client:
                 self.poses
                 and self.at_rest
                 and self.table_markers
-                and all(one.get_subscription_count() == 1 for one in (self.cue, self.placer, self.asker))
+                and all(one.get_subscription_count() == 1 for one in (self.cue, self.placer, self.setter, self.asker))
                 and all(one.service_is_ready() for one in (self._reset, self._pause, self._step))
                 and self._parameters.services_are_ready()
             )
@@ -187,8 +189,15 @@ class Client:
 
     def place(self, message: PoseArray) -> dict:
         """Publish a placement; returns the verdict."""
+        return self._placed(self.placer, message)
+
+    def set_balls(self, message: MultiDOFJointState) -> dict:
+        """Publish the balls that lie on the table; returns the verdict."""
+        return self._placed(self.setter, message)
+
+    def _placed(self, publisher: Publisher, message: PoseArray | MultiDOFJointState) -> dict:
         before = len(self.placements)
-        self.placer.publish(message)
+        publisher.publish(message)
         self.spin_until(lambda: len(self.placements) > before)
         assert len(self.placements) == before + 1
         return self.placements[-1]
@@ -225,6 +234,12 @@ class Client:
 
         self.spin_until(lambda: len(found()) >= count)
         return found()[:count]
+
+    def fresh_state(self) -> MultiDOFJointState:
+        """The first state that is sent after this call, or a later one."""
+        start = stamp_ns(self.fresh_poses()[0].header.stamp)
+        self.spin_until(lambda: stamp_ns(self.states[-1].header.stamp) >= start)
+        return self.states[-1]
 
     def stamps(self, count: int) -> list[int]:
         """Of the next poses, ns."""

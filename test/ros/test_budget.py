@@ -62,6 +62,6 @@ def test_a_preview_ends_at_its_bounds_within_a_slice(
     found = preview.predict(node.simulation, Shot(FASTEST))
     assert found.complete is False
     assert found.end == found.events[-1].time < preview.SLICE
-    assert [path[-1][0] <= found.end for path in found.paths] == [True] * 16
+    assert [path[-1][0] <= found.end for path in found.paths.values()] == [True] * 16
     assert len(runs) == 2  # the second only plays
     assert len(found.events) == (500 if bound == "MOST_EVENTS" else preview.MOST_EVENTS)

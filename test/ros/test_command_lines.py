@@ -18,6 +18,7 @@ ANSWERS = {
     "cue_shot": "shot_result",
     "cue_shot/preview": "preview/result",
     "place_balls": "placement_result",
+    "set_balls": "placement_result",
 }
 """Where the table says what it thinks of a message."""
 

@@ -157,6 +157,29 @@ def contact(x: float, y: float, kind: str = "ball_rail", normal: tuple[float, fl
     return bs.Event(0.0, kind, balls, "x_max" if kind == "ball_rail" else None, (x, y), normal, 1.0, 1.0)
 
 
+def test_a_ball_that_leaves_the_table_is_taken_away_once_and_may_come_back() -> None:
+    balls = new("cue", "9")
+    places = [[0.1, 0.1], [0.2, 0.2]]
+    for step in range(3):
+        places = [[x + 0.1, y] for x, y in places]
+        balls.update(places, step)
+    gone = [
+        copy.copy(marker) for marker in balls.update([places[0], [math.nan, math.nan]], 3, None, [True, False]).markers
+    ]
+    assert [(one.ns, one.id) for one in gone if one.action == Marker.DELETE] == [
+        ("balls", 1),
+        ("stripes", 1),
+        ("trails", 1),
+    ]
+    assert all(math.isfinite(one.pose.position.x) for one in gone)
+    assert [(one.ns, one.id) for one in gone if one.action == Marker.ADD] == [("balls", 0), ("trails", 0)]
+    later = balls.update([places[0], [math.nan, math.nan]], 4, None, [True, False]).markers
+    assert {(one.ns, one.id) for one in later} == {("balls", 0), ("trails", 0)}
+    back = balls.update([places[0], [0.7, 0.7]], 5, None, [True, True]).markers
+    assert [(one.ns, one.id, one.action) for one in back if one.id == 1] == [("balls", 1, 0), ("stripes", 1, 0)]
+    assert (back[1].pose.position.x, back[1].pose.position.y) == (0.7, 0.7)
+
+
 def test_contacts_flash_for_a_while_and_do_not_erase_the_ones_before() -> None:
     balls = new("cue", "1")
     still = [[0.1, 0.1], [0.2, 0.2]]

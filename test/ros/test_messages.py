@@ -56,11 +56,11 @@ POSITIONS = np.array([[1.0, 2.0], [3.0, 4.0]])
 
 def test_poses_are_what_rclpy_would_have_sent() -> None:
     poses = messages.Poses(2, 0.03, "table")
-    poses.show(POSITIONS)
+    poses.show(POSITIONS, np.array([True, False]))
     message = deserialize_message(poses.stamped(EPOCH), PoseArray)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
     assert message.header.frame_id == "table"
-    assert [(p.position.x, p.position.y, p.position.z) for p in message.poses] == [(1.0, 2.0, 0.03), (3.0, 4.0, 0.03)]
+    assert [(p.position.x, p.position.y, p.position.z) for p in message.poses] == [(1.0, 2.0, 0.03), (0.0, 0.0, -0.03)]
     assert all(p.orientation == Quaternion(w=1.0) for p in message.poses)
     assert serialize_message(message) == poses.stamped(EPOCH)
 
@@ -68,7 +68,7 @@ def test_poses_are_what_rclpy_would_have_sent() -> None:
 def test_poses_carry_orientations_where_they_are_given() -> None:
     turns = np.array([[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
     poses = messages.Poses(2, 0.03, "table")
-    poses.show(POSITIONS, turns)
+    poses.show(POSITIONS, np.array([True, True]), turns)
     message = deserialize_message(poses.stamped(EPOCH), PoseArray)
     turned = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in message.poses]
     assert turned == [(0.6, 0.0, 0.0, 0.8), (0.0, 0.6, 0.8, 0.0)]
@@ -117,7 +117,7 @@ def test_a_message_that_was_taken_does_not_change_with_the_next() -> None:
     poses = messages.Poses(2, 0.03, "table")
     first = poses.stamped(EPOCH)
     kept = bytes(bytearray(first))
-    poses.show(POSITIONS + 1.0)
+    poses.show(POSITIONS + 1.0, np.array([True, True]))
     poses.stamped(EPOCH + 1)
     assert first == kept
 

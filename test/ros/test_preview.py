@@ -33,7 +33,7 @@ def test_a_preview_is_what_the_shot_does_and_changes_nothing() -> None:
     simulation.strike(BREAK.force, BREAK.offset)
     events = list(simulation.run())
     assert list(found.events) == events
-    assert found.final_positions == [tuple(row) for row in simulation.positions.tolist()]
+    assert [*found.final_positions.values()] == [tuple(row) for row in simulation.positions.tolist()]
     assert (found.start, found.end, found.complete) == (1.5, events[-1].time, True)
 
 
@@ -44,10 +44,11 @@ def test_paths_pass_through_every_contact() -> None:
         if event.kind not in ("ball_ball", "ball_rail"):
             continue
         for name in event.balls:
-            path = np.array(found.paths[simulation.start_scene.names.index(name)])[:, 1:]
+            path = np.array(found.paths[name])[:, 1:]
             gaps = np.hypot(*(path - event.point).T)
             assert np.abs(gaps - RADIUS).min() < 1e-9
-    for name, path, start in zip(simulation.start_scene.names, found.paths, simulation.positions.tolist()):
+    assert tuple(found.paths) == simulation.start_scene.names
+    for (name, path), start in zip(found.paths.items(), simulation.positions.tolist()):
         assert path[0] == (1.5, *start)
         assert [t for t, _, _ in path] == sorted(t for t, _, _ in path)
         moved = any(name in event.balls for event in found.events)
@@ -60,7 +61,7 @@ def test_paths_tell_where_a_ball_is_at_every_time(monkeypatch: pytest.MonkeyPatc
     shot = Shot((60.0, 0.0, 0.0), (0.0, -0.014))
 
     def worst() -> float:
-        t, x, y = np.array(preview.predict(simulation, shot).paths[0]).T
+        t, x, y = np.array(preview.predict(simulation, shot).paths["cue"]).T
         twin = simulation.copy()
         twin.strike(shot.force, shot.offset)
         away = []
@@ -77,7 +78,7 @@ def test_paths_tell_where_a_ball_is_at_every_time(monkeypatch: pytest.MonkeyPatc
 
 def test_a_path_begins_where_the_ball_lay_before_the_cue_pushed_it() -> None:
     simulation = bs.Simulation(bs.Scene([[0.5, 0.6]]))
-    path = preview.predict(simulation, Shot((80.0, 0.0, 0.0))).paths[0]
+    path = preview.predict(simulation, Shot((80.0, 0.0, 0.0))).paths["cue"]
     # s = F t^2 / (2 m)
     assert np.array(path[:2]) == pytest.approx(np.array([[0.0, 0.5, 0.6], [0.0, 0.5 + 0.5 * 80.0 / 0.16 * 1e-4, 0.6]]))
 
@@ -120,10 +121,10 @@ def test_preview_json_keeps_every_digit() -> None:
     assert read["request"] == {"sec": 7, "nanosec": 8}
     assert read["duration"] == found.end - 1.5
     assert read["names"] == list(names)
-    assert read["paths"] == {name: [list(point) for point in path] for name, path in zip(names, found.paths)}
+    assert read["paths"] == {name: [list(point) for point in path] for name, path in found.paths.items()}
     assert read["paths"]["cue"][0] == [1.5, *simulation.positions[0]]
     assert [path[-1][1:] for path in read["paths"].values()] == simulated_rest(simulation)
-    assert read["final_positions"] == dict(zip(names, map(list, found.final_positions)))
+    assert read["final_positions"] == {name: list(place) for name, place in found.final_positions.items()}
     assert [event["kind"] for event in read["events"]] == [event.kind for event in found.events]
     assert [event["time"] for event in read["events"]] == [event.time for event in found.events]
     assert read["events"][0]["stamp"] == {"sec": 2, "nanosec": 500_000_000}
@@ -146,12 +147,13 @@ def test_markers_draw_paths_contacts_and_final_positions() -> None:
     assert all((one.action, one.header.frame_id, one.header.stamp.sec) == (Marker.ADD, "table", 1) for one in others)
     line = by_id["preview_paths", 1]
     assert (line.type, line.scale.x > 0.0) == (Marker.LINE_STRIP, True)
-    assert [(p.x, p.y, p.z) for p in line.points] == [(x, y, RADIUS) for _, x, y in found.paths[1]]
+    assert [(p.x, p.y, p.z) for p in line.points] == [(x, y, RADIUS) for _, x, y in found.paths["1"]]
     contacts = by_id["preview_contacts", 0]
     hits = [event.point for event in found.events if event.kind in ("ball_ball", "ball_rail")]
     assert contacts.type == Marker.SPHERE_LIST
     assert [(p.x, p.y) for p in contacts.points] == hits
-    for index, place in enumerate(found.final_positions[:2]):
+    for index, name in enumerate(("cue", "1")):
+        place = found.final_positions[name]
         ball = by_id["preview_balls", index]
         assert (ball.pose.position.x, ball.pose.position.y) == place
         assert 0.0 < ball.color.a < 1.0

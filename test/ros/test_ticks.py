@@ -35,7 +35,7 @@ def test_markers_come_at_their_own_rate(
     drawn_at = []
     monkeypatch.setattr(state_publisher, "_heard", lambda _: True)
     monkeypatch.setattr(
-        BallMarkers, "update", lambda _, positions, stamp, turned: drawn_at.append(stamp) or MarkerArray()
+        BallMarkers, "update", lambda _, positions, stamp, turned, in_play: drawn_at.append(stamp) or MarkerArray()
     )
     for _ in range(100):
         table._on_beat()
