@@ -76,7 +76,7 @@ def filled(kind: type, values: dict[str, Any]) -> Any:
     for name, value in values.items():
         if isinstance(value, dict):
             value = filled(type(getattr(message, name)), value)
-        elif isinstance(value, list):
+        elif isinstance(value, list) and "/" in types[name]:
             package, _, element = types[name].removeprefix("sequence<").rstrip(">").partition("/")
             value = [filled(found(f"{package}/msg/{element}"), one) for one in value]
         setattr(message, name, value)
