@@ -204,7 +204,7 @@ def test_shoot_waits_for_rest_and_shoots(client: Client, shared_site: Site) -> N
     second = shared_site.process("shoot", "--speed", "5", "--angle", "90deg", "--wait", "--watch")
     second.wait_for("shoot: balls move; waiting up to 60 s for all to rest\n")
     client.pause(False)
-    assert second.wait() == 0, second.stderr
+    assert second.wait() == 0, second.stdout + second.stderr
     assert "the cue hits ball cue" in second.stdout
     assert re.search(r"at rest after \d\d?\.\d+ s", second.stdout)
     third = shared_site.process("shoot", "--speed", "5", "--angle", "90deg", "--wait", "--preview")
