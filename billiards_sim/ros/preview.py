@@ -34,7 +34,7 @@ MOST_EVENTS = 1000
 
 MOST_WORK = 5.0
 """s of work after which a preview ends, for balls that take ages to do what is not even an event. A break takes 3 ms,
-0.3 s where the engine is interpreted."""
+50 ms where the engine is interpreted."""
 
 
 @dataclass(frozen=True)
