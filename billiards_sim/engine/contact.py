@@ -261,12 +261,18 @@ def _settle(state: State, constants: Constants, i: int, now: float) -> None:
         balls[member].phase_end = now
         _end_micro_slip(balls[member], constants)
     _set_normals(state, contacts, 0.0)
+    _settle_velocities(state, constants, contacts, count)
+
+
+@kernel
+def _settle_velocities(state: State, constants: Constants, contacts: int, count: int) -> None:
+    # A ball that stops does not yield any more, and its neighbours must not close on it.
     stopping = True
-    while stopping:  # a ball that stops does not yield any more, and its neighbours must not close on it
+    while stopping:
         _stop_normal_motion(state, constants, contacts)
         stopping = False
         for k in range(count):
-            if _end_micro_motion(balls[state.members[k].ball], constants):
+            if _end_micro_motion(state.balls[state.members[k].ball], constants):
                 stopping = True
 
 
@@ -655,7 +661,7 @@ def _stop_reversing_balls(state: State, constants: Constants, contacts: int, cou
             stopped = True
     if stopped:
         _set_normals(state, contacts, 0.0)
-        _stop_normal_motion(state, constants, contacts)
+        _settle_velocities(state, constants, contacts, count)
     return stopped
 
 

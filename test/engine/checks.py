@@ -146,6 +146,7 @@ def depth_at_every_instant(scene: bs.Scene, until: float | None = None) -> float
     changes = np.unique(np.append(run._times, run.end))
     shares = np.arange(1, INSTANTS + 1) / INSTANTS
     times = np.append(changes[0], (changes[:-1, np.newaxis] + np.diff(changes)[:, np.newaxis] * shares).ravel())
+    times = np.minimum(times, run.end)  # but for rounding
     low = np.array([scene.table.x_min, scene.table.y_min]) + scene.physics.radius
     high = np.array([scene.table.x_max, scene.table.y_max]) - scene.physics.radius
     one, other = np.triu_indices(len(scene), 1)
