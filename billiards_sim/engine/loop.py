@@ -85,8 +85,7 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     approach = approach_speed(first, second, nx, ny)
     if approach <= constants.least_approach:
         approach = 0.0
-    joins = first.held + second.held > 0 and approach <= constants.join_speed
-    if joins or presses_ball(first, second, nx, ny, approach, constants):
+    if presses_ball(first, second, nx, ny, approach, constants):
         if approach > 0.0:
             _log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
         hold(state, i, j)
@@ -161,8 +160,7 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: int, now: float
     if approach > 0.0:
         impulse = constants.mass * (1.0 + constants.restitution) * approach
         _log_impact(state, constants, now, i, -1 - rail, nx, ny, approach, impulse)
-    joins = ball.held > 0 and approach <= constants.join_speed
-    if joins or presses_rail(ball, nx, ny, approach, constants):
+    if presses_rail(ball, nx, ny, approach, constants):
         hold(state, i, -1 - rail)
         bring(state, constants, i, now)
     elif approach > 0.0 and subsides(ball.bounces, approach, constants):

@@ -40,10 +40,6 @@ REST_WAY = 1e-20
 """m. A ball that would roll no further than this has stopped, 4e-11 m/s on the paper's cloth: otherwise balls in touch
 hand on the rounding of their velocities in ever smaller steps. Without friction nothing stops."""
 
-JOIN_WAY = 1e-11
-"""m. What meets a ball in sustained contact joins the contact if it would roll no further than this after the bounce:
-below 1.4e-6 m/s on the paper's cloth. Else a pushed cluster would be torn apart by its own last bounces."""
-
 PRESS_HEIGHT = 1e-12
 """m. A bounce that would rise less than this is sustained contact; far below any position error that matters, far above
 the rounding of a position (1e-16)."""
@@ -187,7 +183,6 @@ class Constants(NamedTuple):
     cell_height: float
     rest_speed: float  # m/s, a ball or a slip this slow has stopped
     least_approach: float  # m/s, bodies in touch that approach no faster do not
-    join_speed: float  # m/s, what meets a ball in sustained contact no faster joins it
     low_speed: float  # m/s, faster bounces rise above PRESS_HEIGHT, whatever friction does
 
 
@@ -213,6 +208,5 @@ def constants(physics: Physics, table: Table, count: int) -> Constants:
         cell_height=table.width / cells_y,
         rest_speed=rest_speed,
         least_approach=max(rest_speed, SPEED_ROUNDING),
-        join_speed=math.sqrt(2.0 * rolling * JOIN_WAY) if sliding > 0.0 else 0.0,
         low_speed=math.sqrt(4.0 * (sliding + rolling) * PRESS_HEIGHT),
     )
