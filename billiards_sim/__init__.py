@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from billiards_sim.engine import scenes
     from billiards_sim.engine.events import Event
+    from billiards_sim.engine.machine import compile
     from billiards_sim.engine.physics import Physics
     from billiards_sim.engine.record import Run, record
     from billiards_sim.engine.scene import Scene, Shot
@@ -31,6 +32,7 @@ __all__ = [
     "Simulation",
     "StallError",
     "Table",
+    "compile",
     "load_scene",
     "record",
     "save_scene",
@@ -46,6 +48,7 @@ _HOMES = {
     "Simulation": "simulation",
     "StallError": "simulation",
     "Table": "table",
+    "compile": "machine",
     "load_scene": "scene_file",
     "record": "record",
     "save_scene": "scene_file",

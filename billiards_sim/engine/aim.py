@@ -6,10 +6,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.physics import SPEED_LIMIT, Physics
 from billiards_sim.engine.quantity import number
 from billiards_sim.engine.scene import Shot
-from billiards_sim.engine.state import SPEED_LIMIT
 
 
 @dataclass(frozen=True)

@@ -5,20 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-BALL_BALL = 0
-BALL_RAIL = 1
-ROLLED = 2
-RESTED = 3
-SHOT = 4
 KINDS = ("ball_ball", "ball_rail", "rolling", "rest", "shot")
-"""Event kinds by code."""
+"""Event kinds by the kernels' code."""
 
-X_MIN = 0
-X_MAX = 1
-Y_MIN = 2
-Y_MAX = 3
 RAILS = ("x_min", "x_max", "y_min", "y_max")
-"""Rails by code."""
+"""Rails by the kernels' code."""
 
 
 @dataclass(frozen=True)

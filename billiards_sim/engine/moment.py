@@ -13,28 +13,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import NamedTuple
 
 import numpy as np
 
-from billiards_sim.engine.jit import COMPILED, as_rows, columns, copy_rows, get_field, rows, set_columns
-from billiards_sim.engine.loop import CONTACTS_PER_BALL
-from billiards_sim.engine.orientation import Turn, turn_all
-from billiards_sim.engine.scene import Scene, Shot
-from billiards_sim.engine.state import (
+from billiards_sim.engine import machine
+from billiards_sim.engine.kernels.loop import CONTACTS_PER_BALL
+from billiards_sim.engine.kernels.orientation import Turns, turn_all
+from billiards_sim.engine.kernels.state import (
     AT_REST,
     INF,
     OFF_TABLE,
+    ONE_CELL,
+    PRESS_HEIGHT,
+    REST_WAY,
     ROLLING,
+    SCRATCH,
     SLIDING,
-    Ball,
-    Clock,
+    SPEED_ROUNDING,
     Constants,
-    Contact,
-    Impact,
     Record,
-    Slot,
     State,
+)
+from billiards_sim.engine.kernels.strike import begin_anew
+from billiards_sim.engine.scene import Scene, Shot
+from billiards_sim.engine.tables import (
+    Packed,
+    blank,
+    columns,
+    copy_block,
+    copy_rows,
+    get_field,
+    in_form,
+    set_columns,
+    set_fields,
 )
 
 LOG_ROWS = 1024
@@ -66,7 +79,7 @@ class Moment(NamedTuple):
     """Where a simulation is. The kernels go on with `state` and `turns` in place; the rest is replaced."""
 
     state: State
-    turns: Sequence[Turn]
+    turns: Turns
     epoch: float = 0.0  # s, time of the table when the kernels' clock was at 0
     asked: float = 0.0  # s, of the kernels' clock: until where it was asked to go
     rest: float = 0.0  # s, what rounding keeps out of `asked`, so that a thousand steps of 0.001 s make one of 1 s
@@ -119,103 +132,101 @@ class Moment(NamedTuple):
         return bool(next_event > until or next_event == INF)
 
     def to_work_on(self) -> Moment:
-        """What the kernels go on with: where they are interpreted, and can be left half way, a copy without scratch."""
-        if COMPILED:
+        """What the kernels go on with: in machine code's form where there is some; else, as the interpreter can be left
+        half way, a copy."""
+        packed = machine.is_ready()
+        if isinstance(self.state, Packed) != packed:
+            return self._replace(state=in_form(self.state, packed), turns=in_form(self.turns, packed))
+        if packed:
             return self
-        state = self.state
-        contacts = get_field(state.clock, 0, "contacts")
-        copy = state._replace(
-            balls=copy_rows(state.balls),
-            cells=copy_rows(state.cells),
-            nodes=copy_rows(state.nodes),
-            changed=copy_rows(state.changed),
-            contacts=[*copy_rows(state.contacts[:contacts]), *state.contacts[contacts:]],
-            clock=copy_rows(state.clock),
-        )
-        return self._replace(state=copy, turns=copy_rows(self.turns))
+        return self._replace(state=copy_block(self.state, SCRATCH), turns=copy_block(self.turns))
 
 
-def start(scene: Scene, constants: Constants) -> Moment:
+def start(scene: Scene) -> Moment:
     """Where a simulation begins."""
     count = len(scene)
-    state = State(
-        balls=rows(Ball, count),
-        cells=rows(Slot, constants.cells_x * constants.cells_y),
-        nodes=rows(Slot, 2 << (count - 1).bit_length()),
-        changed=rows(Slot, count),
-        members=rows(Slot, count),
-        contacts=rows(Contact, CONTACTS_PER_BALL * count + 1),
-        impacts=rows(Impact, CONTACTS_PER_BALL * count),
-        clock=rows(Clock, 1),
-        log=_new_log(count),
+    constants = constants_of(scene)
+    packed = machine.is_ready()
+    state = blank(
+        State,
+        packed,
+        balls=count,
+        cells=constants.cells_x * constants.cells_y,
+        nodes=2 << (count - 1).bit_length(),
+        changed=count,
+        contacts=CONTACTS_PER_BALL * count + 1,
+        clock=1,
+        constants=1,
+        members=count,
+        impacts=CONTACTS_PER_BALL * count,
+        log=LOG_ROWS + (CONTACTS_PER_BALL + 1) * count,
     )
+    set_fields(state.constants, 0, **asdict(constants))
     phases = np.where(scene.in_play[:, np.newaxis], AT_REST, OFF_TABLE)
     moving = (scene.velocities != 0.0).any(axis=1) | (scene.angular_velocities[:, :2] != 0.0).any(axis=1)
     set_columns(state.balls, ("x", "y"), scene.positions - scene.table.centre)
     set_columns(state.balls, ("vx", "vy"), scene.velocities)
     set_columns(state.balls, ("wx", "wy", "wz"), scene.angular_velocities)
     set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), phases))
-    turns = rows(Turn, count if scene.track_orientation else 0)
-    set_columns(turns, ("qw",), np.ones((len(turns), 1)))
+    turns = blank(Turns, packed, turns=count if scene.track_orientation else 0)
+    set_columns(turns.turns, ("qw",), np.ones((len(turns.turns), 1)))
     return Moment(state, turns)
+
+
+def constants_of(scene: Scene) -> Constants:
+    """What the kernels need of physics and table. The cells are about as many as the balls, none narrower than one."""
+    physics, table, count = scene.physics, scene.table, len(scene)
+    sliding = physics.sliding_friction * physics.gravity
+    rolling = physics.rolling_friction * physics.gravity
+    rest_speed = math.sqrt(2.0 * rolling * REST_WAY) if sliding > 0.0 else 0.0
+    side = max(2.0 * physics.radius, math.sqrt(table.length * table.width / count))
+    cells_x = 1 if count <= ONE_CELL else max(1, int(table.length / side))
+    cells_y = 1 if count <= ONE_CELL else max(1, int(table.width / side))
+    return Constants(
+        mass=physics.mass,
+        radius=physics.radius,
+        sliding=sliding,
+        rolling=rolling,
+        restitution=physics.rail_restitution,
+        limit_x=0.5 * table.length - physics.radius,
+        limit_y=0.5 * table.width - physics.radius,
+        cells_x=cells_x,
+        cells_y=cells_y,
+        cell_width=table.length / cells_x,
+        cell_height=table.width / cells_y,
+        rest_speed=rest_speed,
+        least_approach=max(rest_speed, SPEED_ROUNDING),
+        cue_contact_time=physics.cue_contact_time,
+        low_speed=math.sqrt(4.0 * (sliding + rolling) * PRESS_HEIGHT),
+    )
 
 
 def begun_anew(moment: Moment) -> Moment:
     """The same on the table, balls at rest and the log taken, as a start: the kernels' clock at 0, no predictions."""
-    balls = rows(Ball, len(moment.state.balls))
-    set_columns(balls, ("x", "y", "wz"), columns(moment.state.balls, "x", "y", "wz"))
-    set_columns(balls, ("phase",), columns(moment.state.balls, "phase").astype(np.int64))
-    state = moment.state._replace(balls=balls, clock=rows(Clock, 1))
-    turns = copy_rows(moment.turns)
-    if len(turns):
-        turn_all(turns, moment.inner)
-        set_columns(turns, ("time",), np.zeros((len(turns), 1)))
+    state = copy_block(moment.state, SCRATCH)
+    machine.call(begin_anew, state)
+    turns = copy_block(moment.turns)
+    if len(turns.turns):
+        machine.call(turn_all, turns, moment.inner)
+        set_columns(turns.turns, ("time",), np.zeros((len(turns.turns), 1)))
     return moment._replace(state=state, turns=turns, epoch=moment.time, asked=0.0, rest=0.0, taken=0, mark=None)
 
 
 def copied(moment: Moment) -> Moment:
-    """The log taken, one that shares nothing that changes; what is scratch is made anew."""
-    state = moment.state
-    count = len(state.balls)
-    return moment._replace(
-        state=State(
-            balls=copy_rows(state.balls),
-            cells=copy_rows(state.cells),
-            nodes=copy_rows(state.nodes),
-            changed=copy_rows(state.changed),
-            members=rows(Slot, count),
-            contacts=copy_rows(state.contacts),
-            impacts=rows(Impact, CONTACTS_PER_BALL * count),
-            clock=copy_rows(state.clock),
-            log=_new_log(count),
-        ),
-        turns=copy_rows(moment.turns),
-    )
+    """The log taken, one that shares nothing that changes."""
+    return moment._replace(state=copy_block(moment.state, SCRATCH), turns=copy_block(moment.turns))
 
 
-def packed(moment: Moment) -> Moment:
-    """One to be kept outside of the process, without scratch."""
+def stored(moment: Moment) -> Moment:
+    """One to be kept outside of the process."""
     moment = moment.with_log_taken()
-    state = moment.state._replace(members=(), impacts=(), log=())
-    last_shot = moment.last_shot and (packed(moment.last_shot[0]), moment.last_shot[1])
-    return moment._replace(state=state, last_shot=last_shot)
+    return moment._replace(last_shot=moment.last_shot and (stored(moment.last_shot[0]), moment.last_shot[1]))
 
 
-def unpacked(moment: Moment) -> Moment:
-    """What was packed, perhaps by a process where the kernels were compiled and here are not, or reversely."""
-    count = len(moment.state.balls)
-    kinds = State(Ball, Slot, Slot, Slot, Slot, Contact, Impact, Clock, Record)  # type: ignore[arg-type]
-    state = State(*(as_rows(kind, table) for kind, table in zip(kinds, moment.state)))  # type: ignore[arg-type]
-    state = state._replace(
-        members=rows(Slot, count), impacts=rows(Impact, CONTACTS_PER_BALL * count), log=_new_log(count)
-    )
+def fetched(moment: Moment) -> Moment:
+    """What was stored, perhaps by a process where there was machine code and here is none."""
+    packed = machine.is_ready()
+    last_shot = moment.last_shot and (fetched(moment.last_shot[0]), moment.last_shot[1])
     return moment._replace(
-        state=state,
-        turns=as_rows(Turn, moment.turns),
-        pending=tuple(as_rows(Record, table) for table in moment.pending),
-        last_shot=moment.last_shot and (unpacked(moment.last_shot[0]), moment.last_shot[1]),
+        state=in_form(moment.state, packed), turns=in_form(moment.turns, packed), last_shot=last_shot
     )
-
-
-def _new_log(count: int) -> Sequence[Record]:
-    return rows(Record, LOG_ROWS + (CONTACTS_PER_BALL + 1) * count)

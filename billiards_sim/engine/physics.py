@@ -18,6 +18,11 @@ SMALLEST = 1e-6
 what its position is rounded by."""
 
 
+SPEED_LIMIT = 299_792_458.0
+"""m/s. Largest speed, and spin times radius, of a ball at the start or after a shot: light's. Far below where the
+powers in the formulas overflow."""
+
+
 @dataclass(frozen=True)
 class Physics:
     """Constants of the model; the defaults are the paper's (sections 1 and 2).

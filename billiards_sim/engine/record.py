@@ -5,19 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_sim.engine import machine
 from billiards_sim.engine.events import Event
-from billiards_sim.engine.jit import columns, rows, set_columns, take_rows
+from billiards_sim.engine.kernels.orientation import Turns, turn_along, turn_each
 from billiards_sim.engine.moment import inner_time
-from billiards_sim.engine.orientation import End, Turn, turn_along, turn_each
 from billiards_sim.engine.quantity import listed
+from billiards_sim.engine.recorder import Recorder
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
-from billiards_sim.engine.trajectory import Recorder
+from billiards_sim.engine.tables import blank, columns, set_columns
 from billiards_sim.quaternion import IDENTITY, product
 
 Array = NDArray[np.float64]
@@ -26,6 +26,9 @@ Indices = NDArray[np.intp]
 CHORD = 2e-4
 """m. How far the straight line between two points of a path may lie from the ball at any time: less than a tenth of a
 pixel where a table fills a screen."""
+
+
+TURN = ("time", "wx", "wy", "wz", "alpha_x", "alpha_y", "qx", "qy", "qz", "qw")
 
 
 class Run:
@@ -100,11 +103,10 @@ class Run:
             ValueError: as `positions`.
         """
         arcs, _ = self._arcs(times)
-        turns = take_rows(self._turns, arcs.ravel())
-        ends = rows(End, arcs.size)
-        set_columns(ends, ("time",), np.repeat(self._inner(times), len(self.scene))[:, np.newaxis])
-        turn_each(turns, ends)
-        since = columns(turns, "qx", "qy", "qz", "qw")
+        turns = _turns(self._turns[arcs.ravel()])
+        set_columns(turns.turns, ("end",), np.repeat(self._inner(times), len(self.scene))[:, np.newaxis])
+        machine.call(turn_each, turns)
+        since = columns(turns.turns, "qx", "qy", "qz", "qw")
         if self._orientations is not None:
             since = product(since, np.tile(self._orientations, (len(arcs), 1)))
         return since.reshape(*arcs.shape, 4)
@@ -184,22 +186,26 @@ class Run:
         return times
 
     @cached_property
-    def _turns(self) -> Sequence[Turn]:
-        # How the balls are turned where their arcs begin. What was on its way already counts from the start.
+    def _turns(self) -> Array:
+        # (arcs, fields of TURN) how the balls are turned where their arcs begin. What was on its way already counts
+        # from the start.
         start = inner_time(self.start, self._epoch)
         begun, spins = self._times.copy(), self._spins.copy()
         for first in self._first[:-1]:
             age = max(start - begun[first], 0.0)
             spins[first, 0:2] += self._spin_rates[first] * age
             begun[first] += age
-        turns = rows(Turn, len(begun))
-        set_columns(turns, ("time", "wx", "wy", "wz"), np.column_stack((begun, spins)))
-        set_columns(turns, ("alpha_x", "alpha_y"), self._spin_rates)
-        set_columns(turns, ("qx", "qy", "qz", "qw"), np.tile(IDENTITY, (len(begun), 1)))
-        scratch = rows(Turn, 1)
-        for first, last in pairwise(self._first):
-            turn_along(turns[first:last], scratch)
-        return turns
+        orientations = np.zeros((len(begun), 4))
+        orientations[self._first[:-1]] = IDENTITY  # those of later arcs follow
+        turns = _turns(np.column_stack((begun, spins, self._spin_rates, orientations)))
+        machine.call(turn_along, turns)
+        return columns(turns.turns, *TURN)
+
+
+def _turns(values: Array) -> Turns:
+    turns = blank(Turns, machine.is_ready(), turns=len(values))
+    set_columns(turns.turns, TURN, values)
+    return turns
 
 
 def record(simulation: Simulation, until: float | None = None) -> Run:

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.physics import SPEED_LIMIT, Physics
 from billiards_sim.engine.quantity import is_text, listed, numbers, shown
-from billiards_sim.engine.state import SPEED_LIMIT
 from billiards_sim.engine.table import Table
 
 OVERLAP_TOLERANCE = 1e-9

@@ -15,42 +15,26 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_sim.engine import cue, machine
 from billiards_sim.engine.aim import Aim
-from billiards_sim.engine.contact import free_ball
-from billiards_sim.engine.cue import Strike, strike
-from billiards_sim.engine.detection import contact_time, rail_contact_time
-from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, RAILS, SHOT, Event
-from billiards_sim.engine.jit import (
-    COMPILED,
-    as_tuple,
-    columns,
-    copy_rows,
-    get_field,
-    join_rows,
-    rows,
-    set_fields,
-    table_of,
-)
-from billiards_sim.engine.loop import PAUSED, run_until
-from billiards_sim.engine.moment import Mark, Moment, begun_anew, copied, packed, start, unpacked
-from billiards_sim.engine.orientation import turn_all
+from billiards_sim.engine.events import KINDS, RAILS, Event
+from billiards_sim.engine.kernels.loop import PAUSED, run_until
+from billiards_sim.engine.kernels.orientation import turn_all
+from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, Record
+from billiards_sim.engine.kernels.strike import strike
+from billiards_sim.engine.kernels.trajectory import run_followed
+from billiards_sim.engine.moment import Mark, Moment, begun_anew, copied, fetched, start, stored
 from billiards_sim.engine.quantity import listed
+from billiards_sim.engine.recorder import Recorder, blank_tape
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.scene_file import save_scene
-from billiards_sim.engine.state import (
-    AT_REST,
-    INF,
-    NOBODY,
-    OFF_TABLE,
-    ROLLING,
-    SLIDING,
-    Record,
-    constants,
-)
-from billiards_sim.engine.trajectory import Recorder, Tape, blank_tape, run_followed
+from billiards_sim.engine.tables import Packed, as_tuple, columns, copy_block, get_field, join_rows, set_fields
 
-BATCH = 50_000 if COMPILED else 5_000
-"""Work of one call of the kernels: some milliseconds compiled, some tens interpreted. Signals are heard between two."""
+BATCH = 50_000
+"""Work of one call of the kernels, some milliseconds; signals are heard between two."""
+
+INTERPRETED = 10
+"""Times less work where the kernels are interpreted, which takes some tens of milliseconds."""
 
 EVENT_BUDGET = 1_000_000
 """Passes of the event loop that must lead further than `STALL_TIME` or a ball's radius. A break takes a few hundred in
@@ -113,7 +97,7 @@ class EventLog(Sequence[Event]):
         return isinstance(other, Sequence) and list(self) == list(other)
 
     def __add__(self, other: EventLog) -> EventLog:
-        return EventLog(join_rows((self._table, other._table)), self._scene)
+        return EventLog(join_rows(Record, (self._table, other._table)), self._scene)
 
     def __repr__(self) -> str:
         return f"<EventLog of {len(self)} events>"
@@ -142,11 +126,11 @@ class Snapshot:
     moment: Moment
 
     def __getstate__(self) -> tuple[Scene, Moment]:
-        return self.scene, packed(self.moment)
+        return self.scene, stored(self.moment)
 
     def __setstate__(self, state: tuple[Scene, Moment]) -> None:
         object.__setattr__(self, "scene", state[0])
-        object.__setattr__(self, "moment", unpacked(state[1]))
+        object.__setattr__(self, "moment", fetched(state[1]))
 
 
 class Simulation:
@@ -160,8 +144,7 @@ class Simulation:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._constants = constants(scene.physics, scene.table, len(scene))
-        self._now = start(scene, self._constants)
+        self._now = start(scene)
 
     @property
     def start_scene(self) -> Scene:
@@ -205,9 +188,9 @@ class Simulation:
         """
         if not self._scene.track_orientation:
             raise ValueError("orientations are there only with Scene(..., track_orientation=True)")
-        turns = copy_rows(self._now.turns)
-        turn_all(turns, self._now.inner)
-        return columns(turns, "qx", "qy", "qz", "qw")
+        turns = copy_block(self._now.turns)
+        machine.call(turn_all, turns, self._now.inner)
+        return columns(turns.turns, "qx", "qy", "qz", "qw")
 
     @property
     def at_rest(self) -> bool:
@@ -240,12 +223,11 @@ class Simulation:
         return self._at(copied(self._now.with_log_taken()))
 
     def __getstate__(self) -> tuple[Scene, Moment]:
-        return self._scene, packed(self._now)
+        return self._scene, stored(self._now)
 
     def __setstate__(self, state: tuple[Scene, Moment]) -> None:
         self._scene = state[0]
-        self._constants = constants(self._scene.physics, self._scene.table, len(self._scene))
-        self._now = unpacked(state[1])
+        self._now = fetched(state[1])
 
     def snapshot(self) -> Snapshot:
         """The present state, to `restore` later, as often as wanted."""
@@ -280,7 +262,7 @@ class Simulation:
         if ball not in self._scene.names:
             raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
         index = self._scene.names.index(ball)
-        struck = strike(force, offset, self._scene.physics)
+        blow = cue.checked(force, offset, self._scene.physics)
         before = self._now.with_log_taken()
         phase = get_field(before.state.balls, index, "phase")
         if phase == OFF_TABLE:
@@ -288,44 +270,13 @@ class Simulation:
         if phase != AT_REST:
             speed = float(np.hypot(*self.velocities[index]))
             raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
-        centre = (self.positions[index] - self._centre).tolist()
-        way = self._free_way(index, struck)
+        x, y = (self.positions[index] - self._centre).tolist()
         now = begun_anew(before) if self.at_rest else copied(before)
-        state, time = now.state, now.inner
-        set_fields(state.clock, 0, now=time)
-        if get_field(state.clock, 0, "begun"):
-            free_ball(state, self._constants, index, time)
-        wx, wy, wz = columns(state.balls[index : index + 1], "wx", "wy", "wz")[0].tolist()
-        set_fields(
-            state.balls,
-            index,
-            time=time,
-            x=centre[0] + way * struck.displacement[0],
-            y=centre[1] + way * struck.displacement[1],
-            vx=struck.velocity[0],
-            vy=struck.velocity[1],
-            wx=wx + struck.angular_velocity[0],
-            wy=wy + struck.angular_velocity[1],
-            wz=wz + struck.angular_velocity[2],
-            phase=SLIDING,
-            reported=ROLLING,
-        )
-        event = Record(
-            time=before.time,
-            kind=SHOT,
-            first=index,
-            second=NOBODY,
-            point_x=centre[0] + struck.tip[0],
-            point_y=centre[1] + struck.tip[1],
-            normal_x=struck.direction[0],
-            normal_y=struck.direction[1],
-            impulse=struck.impulse,
-        )
+        machine.call(strike, now.state, index, now.inner, x, y, *blow)
+        now = now.with_log_taken()
+        set_fields(now.pending[-1], 0, time=before.time)
         shot = Shot(force, offset, ball)  # type: ignore[arg-type]
-        self._now = now._replace(
-            pending=(*before.pending, table_of(event)),
-            last_shot=(before._replace(pending=(), last_shot=None), shot),
-        )
+        self._now = now._replace(last_shot=(before._replace(pending=(), last_shot=None), shot))
 
     def shoot(
         self,
@@ -411,39 +362,22 @@ class Simulation:
 
     def _at(self, moment: Moment) -> Simulation:
         twin = object.__new__(Simulation)
-        twin._scene, twin._constants, twin._now = self._scene, self._constants, moment
+        twin._scene, twin._now = self._scene, moment
         return twin
 
     def _ages(self) -> NDArray[np.float64]:
         # (N, 1) s since the anchors.
         return self._now.inner - columns(self._now.state.balls, "time")
 
-    def _free_way(self, index: int, struck: Strike) -> float:
-        # Share of the displacement under the cue, 0 to 1, that ends at the first ball or rail in the way.
-        diameter = 2.0 * self._scene.physics.radius
-        limits = (self._constants.limit_x, self._constants.limit_y)
-        centres = self.positions - self._centre
-        way = 1.0
-        for axis, move in enumerate(struck.displacement):
-            room = limits[axis] - math.copysign(1.0, move) * float(centres[index, axis])
-            way = min(way, rail_contact_time(room, abs(move), 0.0, 0.0))
-        for other, (px, py) in enumerate((centres[index] - centres).tolist()):
-            if other != index:
-                way = min(way, contact_time(px, py, *struck.displacement, 0.0, 0.0, 1.0, diameter, 0.0))
-        return way
-
     def _play(self, until: float, budget: float | None, recorder: Recorder | None = None) -> bool:
         # Up to a time of the kernels' clock, while the budget lasts; returns whether it did. The events wait.
         if budget is not None and not (math.isfinite(budget) and budget >= 0.0):
             raise ValueError(f"budget must be a finite number >= 0 (s), got {budget!r}")
         deadline = INF if budget is None else perf_counter() + budget
-        tape = None
         if recorder is not None:
-            recorder.epoch, tape = self._now.epoch, recorder.tape
-        elif self._scene.track_orientation:
-            tape = blank_tape(0)
+            recorder.epoch = self._now.epoch
         self._now = self._now.with_log_taken()
-        while not self._play_batch(until, tape):
+        while not self._play_batch(until, recorder):
             self._check_progress()
             if recorder is not None:
                 recorder.unload()
@@ -453,15 +387,19 @@ class Simulation:
             recorder.unload()
         return True
 
-    def _play_batch(self, until: float, tape: Tape | None) -> bool:
+    def _play_batch(self, until: float, recorder: Recorder | None) -> bool:
         # Returns whether nothing is left to do.
-        if tape is None and self._now.is_idle(until):
+        followed = recorder is not None or self._scene.track_orientation
+        if not followed and self._now.is_idle(until):
             return True
         work = self._now.to_work_on()
-        if tape is None:
-            status = run_until(work.state, self._constants, until, work.taken, BATCH)
+        packed = isinstance(work.state, Packed)
+        most = BATCH if packed else max(BATCH // INTERPRETED, 1)
+        if followed:
+            tape = recorder.tape(packed) if recorder is not None else blank_tape(0, packed)
+            status = machine.call(run_followed, work.state, work.turns, tape, until, work.taken, most)
         else:
-            status = run_followed(work.state, work.turns, tape, self._constants, until, work.taken, BATCH)
+            status = machine.call(run_until, work.state, until, work.taken, most)
         self._now = work.with_log_taken()
         return status != PAUSED
 
@@ -489,10 +427,6 @@ class Simulation:
     def _handing_over(self, asked: float, rest: float) -> tuple[Moment, EventLog]:
         # The moment after it, and the events.
         pending = self._now.pending
-        return self._now._replace(asked=asked, rest=rest, pending=()), EventLog(_joined(pending), self._scene)
-
-
-def _joined(tables: Sequence[Sequence[Record]]) -> Sequence[Record]:
-    if len(tables) == 1:
-        return tables[0]
-    return join_rows(tables) if tables else rows(Record, 0)
+        return self._now._replace(asked=asked, rest=rest, pending=()), EventLog(
+            pending[0] if len(pending) == 1 else join_rows(Record, pending), self._scene
+        )

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.record import Run
+from billiards_sim.engine.recorder import Recorder
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation
-from billiards_sim.engine.trajectory import Recorder
 from billiards_sim.ros.messages import Stamps, answer_record, collision_record
 
 SLICE = 0.05

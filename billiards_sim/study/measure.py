@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from billiards_sim.engine import jit
+from billiards_sim.engine.machine import is_ready
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -161,7 +161,7 @@ def machine() -> dict[str, Any]:
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "numpy": np.__version__,
-        "numba": version("numba") if jit.COMPILED else None,
+        "numba": version("numba") if is_ready() else None,
         "billiards_sim": version("billiards_sim") or _version_of_source(),
         "commit": _commit(),
         "date": time.strftime("%Y-%m-%d", time.gmtime()),

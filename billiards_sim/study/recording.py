@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.record import Run
 from billiards_sim.engine.record import record as record_run
+from billiards_sim.engine.recorder import Recorder
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
-from billiards_sim.engine.trajectory import Recorder
 from billiards_sim.quaternion import IDENTITY, turned
 from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, Array, SchemeError, Solver, SteppedSolver
 

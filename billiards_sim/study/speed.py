@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from billiards_sim.engine import jit, scenes
+from billiards_sim.engine import machine, scenes
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
@@ -117,7 +117,7 @@ def break_rows(seeds: int) -> list[Row]:
     """Breaks in this process."""
     result = breaks(seeds)
     each = [time / events for time, events in zip(result["seconds"], result["events"])]
-    how = "" if jit.COMPILED else " (Numba is not there: interpreted)"
+    how = "" if machine.is_ready() else " (Numba is not there: interpreted)"
     return [
         row(f"break, shot to rest{how}", "ms", result["seconds"], 0.20, 1e3),
         row(f"break, per event{how}", "us", each, 1.2, 1e6),
@@ -239,7 +239,7 @@ def tasks(seeds: int, quick: bool) -> Iterator[Task]:
     yield "breaks", partial(_add_rows, make=partial(break_rows, seeds))
     slow_seeds = min(seeds, QUICK_INTERPRETED_SEEDS if quick else INTERPRETED_SEEDS)
     yield "without Numba", partial(_add_rows, make=partial(interpreted_rows, slow_seeds))
-    if jit.COMPILED:
+    if machine.is_ready():
         yield "starts", partial(_add_rows, make=partial(start_rows, QUICK_STARTS if quick else STARTS))
     yield "copies", partial(_add_rows, make=partial(small_rows, SMALL_RUNS))
     for count in COUNTS:

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, KINDS, Event
+from billiards_sim.engine.events import Event
 from billiards_sim.engine.scene import Scene
 
 Collision = tuple[tuple[int, ...], str | None]
 """Balls, ascending, and the rail if it is one with a rail."""
 
 RAIL_NAMES = {"x-low": "x_min", "x-high": "x_max", "y-low": "y_min", "y-high": "y_max"}
-COLLISIONS = (KINDS[BALL_BALL], KINDS[BALL_RAIL])
+COLLISIONS = ("ball_ball", "ball_rail")
 
 
 @dataclass(frozen=True)

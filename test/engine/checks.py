@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 import billiards_sim as bs
 
+COMPILED = bs.compile()
+"""Whether the engine runs in machine code."""
+
 DATA = Path(__file__).parent.parent / "data"
 EXACT_SCENES: dict[str, Any] = {
     scene["name"]: scene

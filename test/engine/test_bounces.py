@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from checks import AT_X_MAX, RADIUS, SLIDING
+from checks import AT_X_MAX, COMPILED, RADIUS, SLIDING
 from provoke import provoking_scene, ring, square, topspin, towards
 
 import billiards_sim as bs
-from billiards_sim.engine.jit import COMPILED
 
 MOST_EVENTS = 20_000
 

@@ -21,16 +21,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from checks import DATA
+from checks import COMPILED, DATA
 from numpy.typing import NDArray
 
 import billiards_sim as bs
-from billiards_sim.engine.detection import contact_time
-from billiards_sim.engine.jit import COMPILED
-from billiards_sim.engine.state import constants
+from billiards_sim.engine import machine
+from billiards_sim.engine.kernels.detection import contact_time
+from billiards_sim.engine.moment import constants_of
 
 FILE = DATA / "contact_times.npz"
-LEAST = constants(bs.Physics(), bs.Table(), 2).least_approach
+LEAST = constants_of(bs.scenes.head_on()).least_approach
 ROUNDING = 2.0**-53
 TANGENT = 1e-12
 """Relative to D. What comes no nearer to D than this, or goes no deeper, may be a hit or a miss."""
@@ -89,7 +89,7 @@ def pairs(kind: str) -> Pairs:
     """All pairs when the engine is compiled, the first 50 000 when it is interpreted."""
     inputs = script.pairs(kind, None if COMPILED else 1)
     exact, margin = (column[: len(inputs)] for column in script.read(FILE)[kind])
-    found = np.array([contact_time(*pair, DIAMETER, LEAST) for pair in inputs.tolist()])
+    found = np.array([machine.function(contact_time)(*pair, DIAMETER, LEAST) for pair in inputs.tolist()])
     return Pairs(inputs, exact, margin, found)
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_sim.engine.detection import contact_time, rail_contact_time
+from billiards_sim.engine.kernels.detection import contact_time, rail_contact_time
 
 DIAMETER = 0.05715
 LEAST = 1e-15

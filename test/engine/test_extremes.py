@@ -7,10 +7,9 @@ import math
 
 import numpy as np
 import pytest
-from checks import AT_X_MAX, AT_Y_MAX, RADIUS, ROLLING, SLIDING, TABLE, extremes
+from checks import AT_X_MAX, AT_Y_MAX, COMPILED, RADIUS, ROLLING, SLIDING, TABLE, extremes
 
 import billiards_sim as bs
-from billiards_sim.engine.jit import COMPILED
 
 ICE = bs.Physics(sliding_friction=0.0, rolling_friction=0.0, rail_restitution=1.0)
 

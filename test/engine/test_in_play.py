@@ -13,7 +13,7 @@ import yaml
 from checks import random_scene
 
 import billiards_sim as bs
-from billiards_sim.engine.trajectory import Recorder
+from billiards_sim.engine.recorder import Recorder
 
 RADIUS = bs.Physics().radius
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from checks import random_scene
+from checks import COMPILED, random_scene
 
 import billiards_sim as bs
 from billiards_sim.engine import simulation as simulation_module
-from billiards_sim.engine.jit import COMPILED, get_field
-from billiards_sim.engine.loop import run_until
+from billiards_sim.engine.kernels.loop import run_until
+from billiards_sim.engine.tables import get_field
 
 RADIUS = bs.Physics().radius
 TABLE = bs.Table()

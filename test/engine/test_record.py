@@ -13,8 +13,8 @@ import pytest
 from checks import ROLLING, random_scene
 
 import billiards_sim as bs
+from billiards_sim.engine import recorder
 from billiards_sim.engine import simulation as simulation_module
-from billiards_sim.engine import trajectory
 from billiards_sim.engine.record import CHORD
 
 RADIUS = bs.Physics().radius
@@ -98,7 +98,7 @@ def test_a_run_that_nobody_records_writes_nothing(monkeypatch: pytest.MonkeyPatc
 
 def test_arcs_beyond_what_the_spool_holds_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = bs.record(broken_rack())
-    monkeypatch.setattr(trajectory, "SPOOL_ROWS", 1)
+    monkeypatch.setattr(recorder, "SPOOL_ROWS", 1)
     pieces = bs.record(broken_rack())
     times = instants(whole)
     assert list(pieces.events) == list(whole.events)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import billiards_sim as bs
-from billiards_sim.engine import state
+from billiards_sim.engine import moment
 
 
 def crowd(count: int, seed: int) -> bs.Scene:
@@ -24,7 +24,7 @@ def crowd(count: int, seed: int) -> bs.Scene:
 def runs_with_and_without_cells(monkeypatch: pytest.MonkeyPatch, scene: bs.Scene) -> list[bs.Simulation]:
     simulations = []
     for one_cell in (0, 1000):
-        monkeypatch.setattr(state, "ONE_CELL", one_cell)
+        monkeypatch.setattr(moment, "ONE_CELL", one_cell)
         simulations.append(bs.Simulation(scene))
     return simulations
 

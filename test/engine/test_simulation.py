@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checks import extremes, random_scene
+from checks import COMPILED, extremes, random_scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import billiards_sim as bs
 from billiards_sim.engine import simulation as simulation_module
-from billiards_sim.engine.jit import COMPILED
 
 RADIUS = bs.Physics().radius
 TABLE = bs.Table()

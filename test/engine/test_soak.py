@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import pytest
+from checks import COMPILED
 from soak import broken_laws, run_break, run_scene
-
-from billiards_sim.engine.jit import COMPILED
 
 SHARE = 20 if COMPILED else 1
 

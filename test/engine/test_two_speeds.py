@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checks import random_scene
+from checks import COMPILED, random_scene
 
 import billiards_sim as bs
-from billiards_sim.engine.jit import COMPILED
 
 HERE = Path(__file__).parent
 
@@ -133,8 +132,7 @@ def test_import_brings_in_neither_ros_nor_matplotlib() -> None:
 def test_engine_runs_without_numba() -> None:
     code = (
         "import sys; sys.modules['numba'] = None\n"
-        "from billiards_sim.engine.jit import COMPILED\n"
         "import billiards_sim as bs\n"
-        "print(COMPILED, len(bs.Simulation(bs.scenes.head_on()).run()))"
+        "print(bs.compile(), len(bs.Simulation(bs.scenes.head_on()).run()))"
     )
     assert in_new_process(code) == "False 10"

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 
-from billiards_sim.engine.contact import bring
-from billiards_sim.engine.detection import TOUCH
-from billiards_sim.engine.impact import normal_between, normal_of_rail
-from billiards_sim.engine.jit import kernel
-from billiards_sim.engine.motion import place_at
-from billiards_sim.engine.schedule import first_neighbour, hold_each_other, next_neighbour
-from billiards_sim.engine.state import LISTED, NOBODY, QUEUED, Constants, Impact, State
+from .contact import bring
+from .detection import TOUCH
+from .impact import normal_between, normal_of_rail
+from .kernel import kernel
+from .motion import place_at
+from .schedule import first_neighbour, hold_each_other, next_neighbour
+from .state import LISTED, NOBODY, QUEUED, Constants, Impact, State
 
 CLOSING_ROUNDING = 1e-14
 """Relative to the fastest approach in the cluster: contacts that close more slowly have been stopped."""

@@ -3,22 +3,31 @@
 
 from __future__ import annotations
 
-from billiards_sim.engine.cluster import bring_all, closing_speed, gather, reflect
-from billiards_sim.engine.contact import bring, hold, is_held, presses_ball, presses_rail, release_ball, update_contacts
-from billiards_sim.engine.events import BALL_BALL, BALL_RAIL, RESTED, ROLLED
-from billiards_sim.engine.impact import (
+from .cluster import bring_all, closing_speed, gather, reflect
+from .contact import bring, hold, is_held, presses_ball, presses_rail, release_ball, update_contacts
+from .impact import (
     approach_speed,
     collide_balls,
     collide_rail,
-    count_impact,
     normal_between,
     normal_of_rail,
     subsides,
 )
-from billiards_sim.engine.jit import entry, kernel
-from billiards_sim.engine.motion import begin_motion, end_phase, phase_of
-from billiards_sim.engine.schedule import change_cell, enter_all, mark, predict_border, predict_pairs, predict_rail
-from billiards_sim.engine.state import AT_REST, INF, NOBODY, ROLLING, SLIDING, Constants, State
+from .kernel import kernel
+from .log import log_event, log_impact
+from .motion import begin_motion, end_phase, phase_of
+from .schedule import change_cell, enter_all, mark, predict_border, predict_pairs, predict_rail
+from .state import (
+    AT_REST,
+    INF,
+    NOBODY,
+    RESTED,
+    ROLLED,
+    ROLLING,
+    SLIDING,
+    Constants,
+    State,
+)
 
 DONE = 0
 """No event is left before the time asked for."""
@@ -30,14 +39,15 @@ CONTACTS_PER_BALL = 5
 """At most: equal discs have at most three contacts with others each, counted once, and two rails."""
 
 
-@entry
-def run_until(state: State, constants: Constants, until: float, taken: int, work: int) -> int:
+@kernel
+def run_until(state: State, until: float, taken: int, work: int) -> int:
     """Let every event up to and including a time happen, until so much work is done; returns DONE or PAUSED.
 
     `taken` is the number of events since the clock was at 0 that have been copied from the log: once all of them are,
     the log begins again.
     """
     clock = state.clock[0]
+    constants = state.constants[0]
     if taken == clock.logged:
         clock.events = 0
     room = len(state.log) - (CONTACTS_PER_BALL + 1) * len(state.balls)  # the most that happens at one instant
@@ -87,7 +97,7 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
         approach = 0.0
     if presses_ball(first, second, nx, ny, approach, constants):
         if approach > 0.0:
-            _log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
+            log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
         hold(state, i, j)
         bring(state, constants, i, now)
     elif approach > 0.0 and subsides(min(first.bounces, second.bounces), approach, constants):
@@ -98,7 +108,7 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
             _meet_all(state, constants, count, now)
             return
         collide_balls(first, second, nx, ny, approach)
-        _log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
+        log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
         _let_go(state, i)
         _let_go(state, j)
 
@@ -113,7 +123,7 @@ def _meet_all(state: State, constants: Constants, count: int, now: float) -> Non
         if impact.impulse == 0.0:
             continue
         i, j = impact.first, impact.second
-        _log_impact(state, constants, now, i, j, impact.normal_x, impact.normal_y, impact.approach, impact.impulse)
+        log_impact(state, constants, now, i, j, impact.normal_x, impact.normal_y, impact.approach, impact.impulse)
         _let_go(state, i)
         if j >= 0:
             _let_go(state, j)
@@ -131,7 +141,7 @@ def _join_all(state: State, constants: Constants, i: int, now: float) -> None:
         closing = closing_speed(state, impact)
         if closing > constants.least_approach:
             impulse = constants.mass * closing
-            _log_impact(state, constants, now, first, second, impact.normal_x, impact.normal_y, closing, impulse)
+            log_impact(state, constants, now, first, second, impact.normal_x, impact.normal_y, closing, impulse)
         if not is_held(state, first, second):
             hold(state, first, second)
     bring(state, constants, i, now)
@@ -159,7 +169,7 @@ def _meet_rail(state: State, constants: Constants, i: int, rail: int, now: float
         approach = 0.0
     if approach > 0.0:
         impulse = constants.mass * (1.0 + constants.restitution) * approach
-        _log_impact(state, constants, now, i, -1 - rail, nx, ny, approach, impulse)
+        log_impact(state, constants, now, i, -1 - rail, nx, ny, approach, impulse)
     if presses_rail(ball, nx, ny, approach, constants):
         hold(state, i, -1 - rail)
         bring(state, constants, i, now)
@@ -194,59 +204,6 @@ def _resume(state: State, constants: Constants, now: float) -> None:
 
 
 @kernel
-def _log_impact(
-    state: State,
-    constants: Constants,
-    now: float,
-    i: int,
-    j: int,
-    nx: float,
-    ny: float,
-    approach: float,
-    impulse: float,
-) -> None:
-    # Of ball i with ball j, or with rail -1 - j; the normal points to ball i.
-    ball = state.balls[i]
-    count_impact(ball, approach, constants)
-    if j >= 0:
-        count_impact(state.balls[j], approach, constants)
-    point_x = ball.x - constants.radius * nx
-    point_y = ball.y - constants.radius * ny
-    kind = BALL_BALL if j >= 0 else BALL_RAIL
-    other = j if j >= 0 else -1 - j
-    _log_event(state, now, kind, i, other, point_x, point_y, nx, ny, approach, impulse)
-
-
-@kernel
-def _log_event(
-    state: State,
-    now: float,
-    kind: int,
-    first: int,
-    second: int,
-    point_x: float,
-    point_y: float,
-    normal_x: float,
-    normal_y: float,
-    approach: float,
-    impulse: float,
-) -> None:
-    event = state.log[state.clock[0].events]
-    state.clock[0].events += 1
-    state.clock[0].logged += 1
-    event.time = now
-    event.kind = kind
-    event.first = first
-    event.second = second
-    event.point_x = point_x
-    event.point_y = point_y
-    event.normal_x = normal_x
-    event.normal_y = normal_y
-    event.approach = approach
-    event.impulse = impulse
-
-
-@kernel
 def _report_phase(state: State, i: int, now: float) -> None:
     # Log the end of a slip or of a motion.
     ball = state.balls[i]
@@ -255,4 +212,4 @@ def _report_phase(state: State, i: int, now: float) -> None:
     ball.reported = phase
     if (phase == ROLLING and before == SLIDING) or (phase == AT_REST and before != AT_REST):
         kind = ROLLED if phase == ROLLING else RESTED
-        _log_event(state, now, kind, i, NOBODY, ball.x, ball.y, 0.0, 0.0, 0.0, 0.0)
+        log_event(state, now, kind, i, NOBODY, ball.x, ball.y, 0.0, 0.0, 0.0, 0.0)

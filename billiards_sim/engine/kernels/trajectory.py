@@ -11,15 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
-from billiards_sim.engine.jit import copy_rows, entry, join_rows, kernel, rows, set_columns
-from billiards_sim.engine.loop import PAUSED, run_until
-from billiards_sim.engine.orientation import Turn, follow
-from billiards_sim.engine.state import INF, OFF_TABLE, Ball, Constants, State
-
-SPOOL_ROWS = 4096
-"""Stretches that the kernels write before they hand them over."""
+from .kernel import kernel
+from .loop import PAUSED, run_until
+from .orientation import Turns, follow
+from .state import OFF_TABLE, Ball, State
 
 
 @dataclass(slots=True)
@@ -56,48 +51,12 @@ class Tape(NamedTuple):
     spool: Sequence[Spool]
 
 
-def blank_tape(count: int) -> Tape:
-    """A tape for so many balls; for none, one that nothing is written on."""
-    latest = rows(Arc, count)
-    set_columns(latest, ("time",), np.full((count, 1), -INF))
-    return Tape(latest, rows(Arc, SPOOL_ROWS + count if count else 0), rows(Spool, 1))
-
-
-class Recorder:
-    """Takes down the arcs of a run, or of several that follow each other without a shot between.
-
-    Args:
-        count: number of balls.
-
-    Attributes:
-        epoch: time of the table, s, at which the kernels' clock was at 0, by which the arcs go.
-    """
-
-    def __init__(self, count: int) -> None:
-        self.tape = blank_tape(count)
-        self.epoch = 0.0
-        self._unloaded: list[Sequence[Arc]] = []
-
-    def unload(self) -> None:
-        """Make room on the tape."""
-        spool = self.tape.spool[0]
-        self._unloaded.append(copy_rows(self.tape.arcs[: spool.arcs]))
-        spool.arcs = 0
-
-    def arcs(self) -> Sequence[Arc]:
-        """All arcs so far, in the order of their times."""
-        self._unloaded = [join_rows(self._unloaded)]
-        return self._unloaded[0]
-
-
-@entry
-def run_followed(
-    state: State, turns: Sequence[Turn], tape: Tape, constants: Constants, until: float, taken: int, work: int
-) -> int:
+@kernel
+def run_followed(state: State, turns: Turns, tape: Tape, until: float, taken: int, work: int) -> int:
     """What `run_until` does, with orientations that follow every ball's motion and arcs that are written down."""
     # For a literal number Numba would compile the whole loop again.
     none, one = -work, min(work, 1)
-    run_until(state, constants, until, taken, none)
+    run_until(state, until, taken, none)
     follow(state, turns)
     _write(state, tape)
     room = len(tape.arcs) - len(tape.latest)
@@ -107,7 +66,7 @@ def run_followed(
         if tape.spool[0].arcs > room:
             return PAUSED
         passes = clock.passes
-        status = run_until(state, constants, until, taken, one)
+        status = run_until(state, until, taken, one)
         follow(state, turns)
         _write(state, tape)
         if status != PAUSED or clock.passes == passes:

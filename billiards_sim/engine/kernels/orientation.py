@@ -15,9 +15,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from billiards_sim.engine.jit import entry, kernel
-from billiards_sim.engine.state import State
+from .kernel import kernel
+from .state import State
 
 MOST_TURN = 0.1
 """rad. Largest turn in a step where the axis of rotation turns too."""
@@ -36,55 +37,51 @@ class Turn:
     wz: float = 0.0
     alpha_x: float = 0.0  # rad/s^2
     alpha_y: float = 0.0
+    end: float = 0.0  # s, until when `turn_each` turns
     qx: float = 0.0
     qy: float = 0.0
     qz: float = 0.0
     qw: float = 0.0
 
 
-@dataclass(slots=True)
-class End:
-    """When a turn ends."""
+class Turns(NamedTuple):
+    """How balls are turned: a row a ball, or a row for each stretch of a motion."""
 
-    time: float = 0.0  # s
-
-
-@entry
-def turn_all(turns: Sequence[Turn], time: float) -> None:
-    """Turn every ball on to a time."""
-    for i in range(len(turns)):
-        _turn_to(turns[i], time)
-
-
-@entry
-def turn_along(turns: Sequence[Turn], scratch: Sequence[Turn]) -> None:
-    """Carry the orientation of the first through the others: one ball's turns, one for each stretch of its motion.
-
-    `scratch` is a row to work in.
-    """
-    turn = scratch[0]
-    for k in range(1, len(turns)):
-        _copy(turns[k - 1], turn)
-        _turn_to(turn, turns[k].time)
-        turns[k].qx = turn.qx
-        turns[k].qy = turn.qy
-        turns[k].qz = turn.qz
-        turns[k].qw = turn.qw
-
-
-@entry
-def turn_each(turns: Sequence[Turn], ends: Sequence[End]) -> None:
-    """Turn each on to its own end."""
-    for k in range(len(turns)):
-        _turn_to(turns[k], ends[k].time)
+    turns: Sequence[Turn]
 
 
 @kernel
-def follow(state: State, turns: Sequence[Turn]) -> None:
+def turn_all(turns: Turns, time: float) -> None:
+    """Turn every ball on to a time."""
+    for i in range(len(turns.turns)):
+        _turn_to(turns.turns[i], time)
+
+
+@kernel
+def turn_each(turns: Turns) -> None:
+    """Turn each on to its own end."""
+    for i in range(len(turns.turns)):
+        _turn_to(turns.turns[i], turns.turns[i].end)
+
+
+@kernel
+def turn_along(turns: Turns) -> None:
+    """Carry the orientation of each ball through the stretches of its motion, which follow each other.
+
+    Its first stretch has the orientation; those after it, up to the next ball's first, have none yet: qw is 0.
+    """
+    rows = turns.turns
+    for k in range(1, len(rows)):
+        if rows[k].qw == 0.0:
+            _turn_from(rows[k - 1], rows[k])
+
+
+@kernel
+def follow(state: State, turns: Turns) -> None:
     """Turn every ball on to where its present motion began, and take that over."""
-    for i in range(len(turns)):
+    for i in range(len(turns.turns)):
         ball = state.balls[i]
-        turn = turns[i]
+        turn = turns.turns[i]
         _turn_to(turn, ball.time)
         turn.wx = ball.wx
         turn.wy = ball.wy
@@ -94,17 +91,21 @@ def follow(state: State, turns: Sequence[Turn]) -> None:
 
 
 @kernel
-def _copy(turn: Turn, to: Turn) -> None:
-    to.time = turn.time
-    to.wx = turn.wx
-    to.wy = turn.wy
-    to.wz = turn.wz
-    to.alpha_x = turn.alpha_x
-    to.alpha_y = turn.alpha_y
-    to.qx = turn.qx
-    to.qy = turn.qy
-    to.qz = turn.qz
-    to.qw = turn.qw
+def _turn_from(before: Turn, turn: Turn) -> None:
+    # Give a turn the orientation that the one before it, of the same ball, leads to.
+    time, wx, wy, wz, alpha_x, alpha_y = turn.time, turn.wx, turn.wy, turn.wz, turn.alpha_x, turn.alpha_y
+    turn.time = before.time
+    turn.wx = before.wx
+    turn.wy = before.wy
+    turn.wz = before.wz
+    turn.alpha_x = before.alpha_x
+    turn.alpha_y = before.alpha_y
+    turn.qx = before.qx
+    turn.qy = before.qy
+    turn.qz = before.qz
+    turn.qw = before.qw
+    _turn_to(turn, time)
+    turn.wx, turn.wy, turn.wz, turn.alpha_x, turn.alpha_y = wx, wy, wz, alpha_x, alpha_y
 
 
 @kernel

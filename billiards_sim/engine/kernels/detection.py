@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import math
 
-from billiards_sim.engine.jit import entry, kernel
-from billiards_sim.engine.state import INF
+from .kernel import kernel
+from .state import INF
 
 TOUCH = 1e-13
 """m. A gap this small is contact: an event time is rounded by up to 2e-15 s (at 16 s), which a ball at 10 m/s turns
@@ -111,7 +111,7 @@ def _closing_time(
     return high
 
 
-@entry
+@kernel
 def contact_time(
     px: float,
     py: float,
@@ -199,7 +199,7 @@ def contact_time(
     return INF
 
 
-@entry
+@kernel
 def rail_contact_time(distance: float, speed: float, acceleration: float, least: float) -> float:
     """Earliest time at which a ball reaches a rail and approaches it, s; INF if it never does.
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 
-from billiards_sim.engine.jit import kernel
-from billiards_sim.engine.state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants
+from .kernel import kernel
+from .state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants
 
 SLIP_ROUNDING = 1e-12
 """Relative to |v| + R|w|: a slip this small is rounding of v = R w, the ball rolls."""

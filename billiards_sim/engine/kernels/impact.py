@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import math
 
-from billiards_sim.engine.jit import kernel
-from billiards_sim.engine.state import Ball, Constants
+from .kernel import kernel
+from .state import Ball, Constants
 
 PATIENCE = 48
 """Slow impacts of a ball in a row until which each is what it is. A ball that comes to rest on a rail of restitution

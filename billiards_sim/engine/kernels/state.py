@@ -12,9 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from billiards_sim.engine.physics import Physics
-from billiards_sim.engine.table import Table
-
 INF = math.inf
 
 NOBODY = -1
@@ -23,15 +20,24 @@ NOBODY = -1
 ONE_CELL = 32
 """Balls. Up to so many it is faster to look at all of them than to keep account of cells."""
 
-SPEED_LIMIT = 299_792_458.0
-"""m/s. Largest speed, and spin times radius, of a ball at the start or after a shot: light's. Far below where the
-powers in the formulas overflow."""
-
 OFF_TABLE = -1
 AT_REST = 0
 SLIDING = 1
 ROLLING = 2
 """Phases. What has none is off the table: in no cell, so nothing meets it, and never scheduled."""
+
+BALL_BALL = 0
+BALL_RAIL = 1
+ROLLED = 2
+RESTED = 3
+SHOT = 4
+"""Kinds of events."""
+
+X_MIN = 0
+X_MAX = 1
+Y_MIN = 2
+Y_MAX = 3
+"""Rails, and sides of a cell."""
 
 QUEUED = 1
 LISTED = 2
@@ -153,60 +159,41 @@ class Record:
     impulse: float = 0.0  # N s
 
 
+@dataclass(slots=True)
+class Constants:
+    """What the kernels need of physics and table, derived once."""
+
+    mass: float = 0.0  # kg
+    radius: float = 0.0  # m
+    sliding: float = 0.0  # m/s^2, deceleration of a sliding ball, mu_s g
+    rolling: float = 0.0  # m/s^2, deceleration of a rolling ball, mu_r g
+    restitution: float = 0.0
+    limit_x: float = 0.0  # m, largest |x| of a ball's centre
+    limit_y: float = 0.0  # m
+    cells_x: int = 0  # number of cells along x
+    cells_y: int = 0
+    cell_width: float = 0.0  # m
+    cell_height: float = 0.0
+    rest_speed: float = 0.0  # m/s, a ball or a slip this slow has stopped
+    least_approach: float = 0.0  # m/s, bodies in touch that approach no faster do not
+    cue_contact_time: float = 0.0  # s
+    low_speed: float = 0.0  # m/s, faster bounces rise above PRESS_HEIGHT, whatever friction does
+
+
 class State(NamedTuple):
-    """Everything that changes. The clock is a table of one row."""
+    """The tables that the kernels work on. Clock and constants are tables of one row; the constants do not change."""
 
     balls: Sequence[Ball]
     cells: Sequence[Slot]  # the first ball in each, row by row
     nodes: Sequence[Slot]  # of the tree, from 1 on: the first of the two below; the second half are the leaves
     changed: Sequence[Slot]
-    members: Sequence[Slot]  # scratch: of a group
     contacts: Sequence[Contact]
-    impacts: Sequence[Impact]  # scratch
     clock: Sequence[Clock]
+    constants: Sequence[Constants]
+    members: Sequence[Slot]  # scratch, as what follows: of a group
+    impacts: Sequence[Impact]
     log: Sequence[Record]
 
 
-class Constants(NamedTuple):
-    """What the kernels need of physics and table, derived once."""
-
-    mass: float  # kg
-    radius: float  # m
-    sliding: float  # m/s^2, deceleration of a sliding ball, mu_s g
-    rolling: float  # m/s^2, deceleration of a rolling ball, mu_r g
-    restitution: float
-    limit_x: float  # m, largest |x| of a ball's centre
-    limit_y: float  # m
-    cells_x: int  # number of cells along x
-    cells_y: int
-    cell_width: float  # m
-    cell_height: float
-    rest_speed: float  # m/s, a ball or a slip this slow has stopped
-    least_approach: float  # m/s, bodies in touch that approach no faster do not
-    low_speed: float  # m/s, faster bounces rise above PRESS_HEIGHT, whatever friction does
-
-
-def constants(physics: Physics, table: Table, count: int) -> Constants:
-    """For so many balls: the cells are about as many, but none narrower than a ball."""
-    sliding = physics.sliding_friction * physics.gravity
-    rolling = physics.rolling_friction * physics.gravity
-    rest_speed = math.sqrt(2.0 * rolling * REST_WAY) if sliding > 0.0 else 0.0
-    side = max(2.0 * physics.radius, math.sqrt(table.length * table.width / count))
-    cells_x = 1 if count <= ONE_CELL else max(1, int(table.length / side))
-    cells_y = 1 if count <= ONE_CELL else max(1, int(table.width / side))
-    return Constants(
-        mass=physics.mass,
-        radius=physics.radius,
-        sliding=sliding,
-        rolling=rolling,
-        restitution=physics.rail_restitution,
-        limit_x=0.5 * table.length - physics.radius,
-        limit_y=0.5 * table.width - physics.radius,
-        cells_x=cells_x,
-        cells_y=cells_y,
-        cell_width=table.length / cells_x,
-        cell_height=table.width / cells_y,
-        rest_speed=rest_speed,
-        least_approach=max(rest_speed, SPEED_ROUNDING),
-        low_speed=math.sqrt(4.0 * (sliding + rolling) * PRESS_HEIGHT),
-    )
+SCRATCH = ("members", "impacts", "log")
+"""Tables of a state that hold nothing from one call to the next, once the log is taken."""

@@ -19,18 +19,19 @@ from __future__ import annotations
 
 import math
 
-from billiards_sim.engine.events import X_MAX, X_MIN
-from billiards_sim.engine.impact import is_low, leniency, normal_of_rail
-from billiards_sim.engine.jit import entry, kernel
-from billiards_sim.engine.motion import anchor, phase_of, roll_off, slip
-from billiards_sim.engine.schedule import hold_each_other, mark
-from billiards_sim.engine.state import (
+from .impact import is_low, leniency, normal_of_rail
+from .kernel import kernel
+from .motion import anchor, phase_of, roll_off, slip
+from .schedule import hold_each_other, mark
+from .state import (
     AT_REST,
     INF,
     PRESS_HEIGHT,
     QUEUED,
     ROLLING,
     SLIDING,
+    X_MAX,
+    X_MIN,
     Ball,
     Constants,
     Contact,
@@ -241,13 +242,6 @@ def bring(state: State, constants: Constants, i: int, now: float) -> None:
         _settle(state, constants, i, now)
     else:
         anchor(state.balls[i], now)
-
-
-@entry
-def free_ball(state: State, constants: Constants, i: int, now: float) -> None:
-    """Bring ball i to `now`, out of every sustained contact and marked as changed."""
-    bring(state, constants, i, now)
-    release_ball(state, i)
 
 
 @kernel

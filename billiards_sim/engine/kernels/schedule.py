@@ -9,11 +9,10 @@ the ball of the two below it that comes first.
 
 from __future__ import annotations
 
-from billiards_sim.engine.detection import contact_time, rail_contact_time
-from billiards_sim.engine.events import X_MAX, X_MIN, Y_MAX, Y_MIN
-from billiards_sim.engine.jit import kernel
-from billiards_sim.engine.motion import place_at, velocity_at
-from billiards_sim.engine.state import AT_REST, INF, NOBODY, OFF_TABLE, Ball, Constants, State
+from .detection import contact_time, rail_contact_time
+from .kernel import kernel
+from .motion import place_at, velocity_at
+from .state import AT_REST, INF, NOBODY, OFF_TABLE, X_MAX, X_MIN, Y_MAX, Y_MIN, Ball, Constants, State
 
 
 @kernel

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From kernels to machine code, with Numba, which only this module imports.
+
+An entry becomes a function of addresses and numbers: for each block that it takes, the address of a packed one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, get_type_hints
+
+import numba
+from llvmlite import ir
+from numba.core import types
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic, register_jitable
+from numba.np.arrayobj import populate_array
+
+from billiards_sim.engine.kernels.entries import ENTRIES
+from billiards_sim.engine.kernels.kernel import KERNELS
+from billiards_sim.engine.tables import record_layout, record_types
+
+OPTIONS = {"_nrt": False}
+"""Kernels allocate nothing. Without the counting of references to arrays they run a quarter faster."""
+
+T: Any = types  # typed in part
+
+SCALARS = {float: T.float64, int: T.int64, type(None): T.void}
+
+
+def dispatchers() -> dict[str, Any]:
+    """The entries as functions that Numba has compiled, by name."""
+    for function in KERNELS:
+        register_jitable(**OPTIONS)(function)
+    return {name: _compiled(function) for name, function in ENTRIES.items()}
+
+
+def object_code() -> bytes:
+    """The entries as an object file: for each a C function of its name.
+
+    It takes where to put its result, addresses of packed blocks, and numbers; it returns 0 if all went well.
+    """
+    context = cpu_target.target_context
+    library = context.codegen().create_library("billiards_sim")
+    library.enable_object_caching()
+    module = library.create_ir_module("entries")
+    for name, dispatcher in dispatchers().items():
+        (compiled,) = dispatcher.overloads.values()
+        _export(context, module, name, compiled)
+        library.add_linking_library(compiled.library)
+    with global_compiler_lock:
+        library.add_ir_module(module)
+        library.finalize()
+    code: bytes = library._get_compiled_object()
+    return code
+
+
+def _export(context: Any, module: Any, name: str, compiled: Any) -> None:
+    # Numba's own functions have another name, and one more argument for exceptions.
+    result, given = compiled.signature.return_type, compiled.signature.args
+    kind = context.call_conv.get_function_type(result, given)
+    inner = ir.Function(module, kind, compiled.fndesc.llvm_func_name)
+    outer = ir.Function(module, ir.FunctionType(kind.return_type, [kind.args[0], *kind.args[2:]]), name)
+    builder = ir.IRBuilder(outer.append_basic_block())
+    status, value = context.call_conv.call_function(builder, inner, result, given, outer.args[1:])
+    if result != T.void:
+        builder.store(value, outer.args[0])
+    builder.ret(status.code)
+
+
+def _opener(kind: Any) -> Any:
+    # What makes a block of its address: arrays that look into it, after what its head says of them.
+    row_types: list[Any] = [numba.from_dtype(record_layout(record)) for record in record_types(kind).values()]
+    array_types = [T.Array(row, 1, "C") for row in row_types]
+    block_type = T.NamedTuple(array_types, kind)
+
+    def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        address = arguments[0]
+        head = builder.inttoptr(address, context.get_value_type(T.CPointer(T.intp)))
+
+        def entry_of_head(index: int) -> Any:
+            return builder.load(builder.gep(head, [context.get_constant(T.intp, index)]))
+
+        arrays = []
+        for index, (row_type, array_type) in enumerate(zip(row_types, array_types)):
+            array = context.make_array(array_type)(context, builder)
+            size = context.get_constant(T.intp, row_type.size)
+            data = builder.inttoptr(builder.add(address, entry_of_head(2 * index)), array.data.type)
+            fill: Any = populate_array
+            fill(array, data, [entry_of_head(2 * index + 1)], [size], size, meminfo=None)
+            arrays.append(array._getvalue())
+        return context.make_tuple(builder, block_type, arrays)
+
+    @intrinsic
+    def opened(_: Any, address: Any) -> Any:
+        return block_type(T.intp), build
+
+    return opened
+
+
+def _compiled(entry: Callable[..., Any]) -> Any:
+    hints = get_type_hints(entry)
+    result = hints.pop("return")
+    openers = {f"open_{name}": _opener(kind) for name, kind in hints.items() if kind not in SCALARS}
+    passed = ", ".join(f"open_{name}({name})" if f"open_{name}" in openers else name for name in hints)
+    door = eval(f"lambda {', '.join(hints)}: entry({passed})", {"entry": entry, **openers})
+    signature = SCALARS[result](*(SCALARS.get(kind, T.intp) for kind in hints.values()))
+    njit: Any = numba.njit  # its type stubs do not know every option
+    return njit(signature, **OPTIONS)(door)

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The kernels that Python calls. They take blocks (named tuples of tables), floats and ints, as they are annotated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from .detection import contact_time, rail_contact_time
+from .loop import run_until
+from .orientation import turn_all, turn_along, turn_each
+from .strike import begin_anew, strike
+from .trajectory import run_followed
+
+ENTRIES: dict[str, Callable[..., Any]] = {
+    entry.__name__: entry
+    for entry in (
+        run_until,
+        run_followed,
+        strike,
+        begin_anew,
+        turn_all,
+        turn_each,
+        turn_along,
+        contact_time,
+        rail_contact_time,
+    )
+}

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cue shot (paper equations 1 to 12), in the shot's own frame: x' along the force, y' to its left, z' up.
+
+The cue is level and pushes with a constant force F for its contact time T. With the tip at
+r = (-sqrt(R^2 - side^2 - up^2), side, up) the torque r x F is (0, up F, -side F).
+"""
+
+from __future__ import annotations
+
+import math
+
+from .contact import bring, release_ball
+from .detection import contact_time, rail_contact_time
+from .kernel import kernel
+from .log import log_event
+from .motion import place_at
+from .state import AT_REST, NOBODY, OFF_TABLE, ROLLING, SHOT, SLIDING, State
+
+
+@kernel
+def begin_anew(state: State) -> None:
+    """Set the clock back to 0 where all balls rest: what is on the table is as at a start, nothing is predicted."""
+    for i in range(len(state.balls)):
+        ball = state.balls[i]
+        ball.time = 0.0
+        ball.vx = 0.0
+        ball.vy = 0.0
+        ball.ax = 0.0
+        ball.ay = 0.0
+        ball.wx = 0.0
+        ball.wy = 0.0
+        ball.alpha_x = 0.0
+        ball.alpha_y = 0.0
+        ball.held = 0
+        ball.held_x = False
+        ball.held_y = False
+        ball.reported = AT_REST
+        ball.bounces = 0
+        ball.changed = False
+    clock = state.clock[0]
+    clock.begun = False
+    clock.now = 0.0
+    clock.passes = 0
+    clock.work = 0
+    clock.changed = 0
+    clock.contacts = 0
+    clock.events = 0
+    clock.logged = 0
+
+
+@kernel
+def strike(
+    state: State, i: int, now: float, x: float, y: float, fx: float, fy: float, force: float, side: float, up: float
+) -> None:
+    """Hit ball i, which rests at (x, y) m, and log it; the events before are taken from the log.
+
+    (fx, fy) N is the force and `force` its size; the tip hits `side` and `up` m from the centre.
+    """
+    constants = state.constants[0]
+    clock = state.clock[0]
+    clock.now = now
+    clock.events = 0
+    if clock.begun:
+        bring(state, constants, i, now)
+        release_ball(state, i)
+    time = constants.cue_contact_time
+    mass, radius = constants.mass, constants.radius
+    way_x = 0.5 * fx / mass * time * time
+    way_y = 0.5 * fy / mass * time * time
+    way = _free_way(state, i, now, x, y, way_x, way_y)
+    dx, dy = fx / force, fy / force
+    spin_per_offset = force * time / (0.4 * mass * radius * radius)
+    ball = state.balls[i]
+    ball.time = now
+    ball.x = x + way * way_x
+    ball.y = y + way * way_y
+    ball.vx = fx / mass * time
+    ball.vy = fy / mass * time
+    ball.wx = ball.wx + -dy * up * spin_per_offset
+    ball.wy = ball.wy + dx * up * spin_per_offset
+    ball.wz = ball.wz + -side * spin_per_offset
+    ball.phase = SLIDING
+    ball.reported = ROLLING
+    behind = math.sqrt(max(radius * radius - side * side - up * up, 0.0))
+    tip_x = x + (-behind * dx - side * dy)
+    tip_y = y + (-behind * dy + side * dx)
+    log_event(state, now, SHOT, i, NOBODY, tip_x, tip_y, dx, dy, 0.0, force * time)
+
+
+@kernel
+def _free_way(state: State, i: int, now: float, x: float, y: float, way_x: float, way_y: float) -> float:
+    # Share of the displacement under the cue (equation 3), 0 to 1, that ends at the first ball or rail in the way.
+    constants = state.constants[0]
+    way = 1.0
+    way = min(way, rail_contact_time(constants.limit_x - math.copysign(1.0, way_x) * x, abs(way_x), 0.0, 0.0))
+    way = min(way, rail_contact_time(constants.limit_y - math.copysign(1.0, way_y) * y, abs(way_y), 0.0, 0.0))
+    for j in range(len(state.balls)):
+        if j != i and state.balls[j].phase != OFF_TABLE:
+            other_x, other_y = place_at(state.balls[j], now)
+            way = min(
+                way,
+                contact_time(x - other_x, y - other_y, way_x, way_y, 0.0, 0.0, 1.0, 2.0 * constants.radius, 0.0),
+            )
+    return way
