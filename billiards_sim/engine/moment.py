@@ -218,9 +218,9 @@ def copied(moment: Moment) -> Moment:
 
 
 def stored(moment: Moment) -> Moment:
-    """One to be kept outside of the process."""
-    moment = moment.with_log_taken()
-    return moment._replace(last_shot=moment.last_shot and (stored(moment.last_shot[0]), moment.last_shot[1]))
+    """One to be kept outside of the process, or beside this one."""
+    last_shot = moment.last_shot and (stored(moment.last_shot[0]), moment.last_shot[1])
+    return copied(moment.with_log_taken())._replace(last_shot=last_shot)
 
 
 def fetched(moment: Moment) -> Moment:

@@ -123,7 +123,8 @@ def in_form(block: Any, packed: bool) -> Any:
         return block
     if packed:
         tables = block._asdict()
-        copy = _blank(layout(type(block), *map(len, tables.values())))
+        kind: Any = type(block)
+        copy = _blank(layout(kind, *map(len, tables.values())))
         for name, table in tables.items():
             getattr(copy, name)[:] = [as_tuple(row) for row in table]
         return copy

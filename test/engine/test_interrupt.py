@@ -18,8 +18,8 @@ import pytest
 from checks import COMPILED, random_scene
 
 import billiards_sim as bs
+from billiards_sim.engine import machine
 from billiards_sim.engine import simulation as simulation_module
-from billiards_sim.engine.kernels.loop import run_until
 from billiards_sim.engine.tables import get_field
 
 RADIUS = bs.Physics().radius
@@ -228,8 +228,10 @@ def test_no_place_for_an_exception_loses_an_event(
 
 @pytest.mark.parametrize("kind", ["copy", "snapshot", "strike", "pickle"])
 def test_events_that_an_interrupted_call_left_behind_are_kept(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = machine.call
+
     def interrupted(*given: Any) -> int:
-        run_until(*given)
+        call(*given)
         raise Interrupted
 
     start = bs.Simulation(bs.Scene([[0.5, 0.6], [2.0, 0.9]]))
@@ -238,7 +240,7 @@ def test_events_that_an_interrupted_call_left_behind_are_kept(kind: str, monkeyp
     expected = list(whole.run(until=0.5))
     simulation = start.copy()
     with monkeypatch.context() as patch, pytest.raises(Interrupted):
-        patch.setattr(simulation_module, "run_until", interrupted)
+        patch.setattr(machine, "call", interrupted)
         simulation.run(until=0.5)
     if kind == "copy":
         simulation = simulation.copy()
@@ -315,23 +317,26 @@ def test_a_call_of_the_kernels_ends_after_the_work_it_is_allowed(
 ) -> None:
     # But for its last pass. So signals are heard however dense a cluster is.
     done = []
+    call = machine.call
 
-    def measured(state: Any, *given: Any) -> int:
+    def measured(entry: Any, state: Any, *given: Any) -> Any:
         before = get_field(state.clock, 0, "work")
-        status = run_until(state, *given)
+        status = call(entry, state, *given)
         done.append(get_field(state.clock, 0, "work") - before)
         return status
 
-    monkeypatch.setattr(simulation_module, "run_until", measured)
-    monkeypatch.setattr(simulation_module, "BATCH", 1)
     simulation = begin()
+    monkeypatch.setattr(machine, "call", measured)
+    monkeypatch.setattr(simulation_module, "BATCH", 1)
     simulation.run(until=1.0)
     largest_pass = max(done)
     # A pass predicts each ball with each other at most; what is more are sweeps over the contacts.
     assert largest_pass > 4 * len(simulation.start_scene) ** 2
     done.clear()
-    monkeypatch.setattr(simulation_module, "BATCH", 200)
+    monkeypatch.setattr(machine, "call", call)
     simulation = begin()
+    monkeypatch.setattr(machine, "call", measured)
+    monkeypatch.setattr(simulation_module, "BATCH", 200)
     simulation.run(until=1.0)
     assert len(done) > 3
     assert max(done) < 200 + largest_pass
