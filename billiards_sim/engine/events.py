@@ -8,9 +8,6 @@ from dataclasses import dataclass
 KINDS = ("ball_ball", "ball_rail", "rolling", "rest", "shot")
 """Event kinds by the kernels' code."""
 
-RAILS = ("x_min", "x_max", "y_min", "y_max")
-"""Rails by the kernels' code."""
-
 
 @dataclass(frozen=True)
 class Event:

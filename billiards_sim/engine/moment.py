@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from billiards_sim.engine import machine
+from billiards_sim.engine.features import features_of
 from billiards_sim.engine.kernels.loop import CONTACTS_PER_BALL
 from billiards_sim.engine.kernels.orientation import Turns, turn_all
 from billiards_sim.engine.kernels.state import (
@@ -27,7 +28,7 @@ from billiards_sim.engine.kernels.state import (
     OFF_TABLE,
     ONE_CELL,
     PRESS_HEIGHT,
-    REST_WAY,
+    REST_DISTANCE,
     ROLLING,
     SCRATCH,
     SLIDING,
@@ -146,6 +147,7 @@ def start(scene: Scene) -> Moment:
     """Where a simulation begins."""
     count = len(scene)
     constants = constants_of(scene)
+    features = features_of(scene.table, scene.physics.radius)
     packed = machine.is_ready()
     state = blank(
         State,
@@ -157,11 +159,14 @@ def start(scene: Scene) -> Moment:
         contacts=CONTACTS_PER_BALL * count + 1,
         clock=1,
         constants=1,
+        features=len(features),
         members=count,
         impacts=CONTACTS_PER_BALL * count,
         log=LOG_ROWS + (CONTACTS_PER_BALL + 1) * count,
     )
     set_fields(state.constants, 0, **asdict(constants))
+    for index, feature in enumerate(features):
+        set_fields(state.features, index, **asdict(feature))
     phases = np.where(scene.in_play[:, np.newaxis], AT_REST, OFF_TABLE)
     moving = (scene.velocities != 0.0).any(axis=1) | (scene.angular_velocities[:, :2] != 0.0).any(axis=1)
     set_columns(state.balls, ("x", "y"), scene.positions - scene.table.centre)
@@ -178,7 +183,7 @@ def constants_of(scene: Scene) -> Constants:
     physics, table, count = scene.physics, scene.table, len(scene)
     sliding = physics.sliding_friction * physics.gravity
     rolling = physics.rolling_friction * physics.gravity
-    rest_speed = math.sqrt(2.0 * rolling * REST_WAY) if sliding > 0.0 else 0.0
+    rest_speed = math.sqrt(2.0 * rolling * REST_DISTANCE) if sliding > 0.0 else 0.0
     side = max(2.0 * physics.radius, math.sqrt(table.length * table.width / count))
     cells_x = 1 if count <= ONE_CELL else max(1, int(table.length / side))
     cells_y = 1 if count <= ONE_CELL else max(1, int(table.width / side))
@@ -187,9 +192,7 @@ def constants_of(scene: Scene) -> Constants:
         radius=physics.radius,
         sliding=sliding,
         rolling=rolling,
-        restitution=physics.rail_restitution,
-        limit_x=0.5 * table.length - physics.radius,
-        limit_y=0.5 * table.width - physics.radius,
+        rail_restitution=physics.rail_restitution,
         cells_x=cells_x,
         cells_y=cells_y,
         cell_width=table.length / cells_x,

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from billiards_sim.engine import cue, machine
 from billiards_sim.engine.aim import Aim
-from billiards_sim.engine.events import KINDS, RAILS, Event
+from billiards_sim.engine.events import KINDS, Event
+from billiards_sim.engine.features import RAILS
 from billiards_sim.engine.kernels.loop import PAUSED, run_until
 from billiards_sim.engine.kernels.orientation import turn_all
 from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, Record

@@ -39,7 +39,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_sim.engine.events import RAILS, Event
+from billiards_sim.engine.events import Event
+from billiards_sim.engine.features import RAILS
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
 

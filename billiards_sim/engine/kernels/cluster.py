@@ -12,18 +12,16 @@ from __future__ import annotations
 
 import math
 
-from .contact import bring
-from .detection import TOUCH
-from .impact import normal_between, normal_of_rail
+from .feature import normal_of
+from .impact import normal_between
 from .kernel import kernel
-from .motion import place_at
-from .schedule import first_neighbour, hold_each_other, next_neighbour
-from .state import LISTED, NOBODY, QUEUED, Constants, Impact, State
+from .settle import advance_to
+from .state import Constants, Impact, State
 
 CLOSING_ROUNDING = 1e-14
 """Relative to the fastest approach in the cluster: contacts that close more slowly have been stopped."""
 
-SHARE_ROUNDING = 4e-16
+STOPPING_ROUNDING = 4e-16
 """Relative to the same: accuracy of the impulses that are solved together."""
 
 GAIN_ROUNDING = 1e-13
@@ -34,79 +32,19 @@ MAX_SWEEPS = 1000
 
 
 @kernel
-def gather(state: State, constants: Constants, start: int, now: float) -> int:
-    """List the contacts of everything that touches the ball `start`, and of what touches that; returns their number."""
-    balls = state.balls
-    members = state.members
-    members[0].ball = start
-    balls[start].member = QUEUED
-    impacts = 0
-    count = 1
-    done = 0
-    while done < count:
-        i = members[done].ball
-        done += 1
-        balls[i].member = LISTED
-        x, y = place_at(balls[i], now)
-        for rail in range(4):
-            nx, ny = normal_of_rail(rail)
-            limit = constants.limit_x if nx != 0.0 else constants.limit_y
-            if -nx * x - ny * y >= limit - TOUCH:
-                _list(state, impacts, i, -1 - rail)
-                impacts += 1
-        j = first_neighbour(state, constants, i)
-        while j != NOBODY:
-            other = balls[j]
-            if other.member != LISTED and _in_touch(state, constants, i, j, x, y, now):
-                if other.member != QUEUED:
-                    other.member = QUEUED
-                    members[count].ball = j
-                    count += 1
-                _list(state, impacts, min(i, j), max(i, j))
-                impacts += 1
-            j = next_neighbour(state, constants, i, j)
-    for k in range(count):
-        balls[members[k].ball].member = 0
-    return impacts
-
-
-@kernel
-def _in_touch(state: State, constants: Constants, i: int, j: int, x: float, y: float, now: float) -> bool:
-    # Whether ball i, at (x, y), touches ball j.
-    reach = 2.0 * constants.radius + TOUCH
-    other_x, other_y = place_at(state.balls[j], now)
-    dx = x - other_x
-    dy = y - other_y
-    if abs(dx) > reach or abs(dy) > reach:
-        return False
-    if math.sqrt(dx * dx + dy * dy) <= reach:
-        return True
-    return state.balls[i].held > 0 and state.balls[j].held > 0 and hold_each_other(state, i, j)
-
-
-@kernel
-def _list(state: State, index: int, first: int, second: int) -> None:
-    row = state.impacts[index]
-    row.first = first
-    row.second = second
-    row.approach = 0.0
-    row.impulse = 0.0
-
-
-@kernel
-def bring_all(state: State, constants: Constants, count: int, now: float) -> None:
+def advance_all(state: State, constants: Constants, count: int, now: float) -> None:
     """Bring the balls of a cluster to its instant and set the normals of its contacts."""
     for c in range(count):
         row = state.impacts[c]
-        bring(state, constants, row.first, now)
+        advance_to(state, constants, row.first, now)
         if row.second >= 0:
-            bring(state, constants, row.second, now)
+            advance_to(state, constants, row.second, now)
     for c in range(count):
         row = state.impacts[c]
         if row.second >= 0:
             row.normal_x, row.normal_y = normal_between(state.balls[row.first], state.balls[row.second])
         else:
-            row.normal_x, row.normal_y = normal_of_rail(-1 - row.second)
+            row.normal_x, row.normal_y = normal_of(state, -1 - row.second)
 
 
 @kernel
@@ -138,13 +76,13 @@ def reflect(state: State, constants: Constants, count: int) -> None:
     for c in range(count):
         fastest = max(fastest, closing_speed(state, state.impacts[c]))
     stopped = constants.least_approach + CLOSING_ROUNDING * fastest
-    enough = SHARE_ROUNDING * fastest
+    enough = STOPPING_ROUNDING * fastest
     for _ in range(MAX_SWEEPS):
         top = 0.0
         for c in range(count):
             row = state.impacts[c]
             closing = closing_speed(state, row)
-            row.share = 0.0 if closing > stopped else -1.0  # -1: not in this reflection
+            row.stopping = 0.0 if closing > stopped else -1.0  # -1: not in this reflection
             row.closing = closing
             top = max(top, closing)
             if closing > stopped and row.approach == 0.0:
@@ -156,11 +94,11 @@ def reflect(state: State, constants: Constants, count: int) -> None:
             worst = 0.0
             for c in range(count):
                 row = state.impacts[c]
-                if row.share >= 0.0:
-                    give = 2.0 if row.second >= 0 else 1.0
-                    share = max(row.share + closing_speed(state, row) / give, 0.0)
-                    change = share - row.share
-                    row.share = share
+                if row.stopping >= 0.0:
+                    bodies = 2.0 if row.second >= 0 else 1.0
+                    stopping = max(row.stopping + closing_speed(state, row) / bodies, 0.0)
+                    change = stopping - row.stopping
+                    row.stopping = stopping
                     _kick(state, row, change)
                     worst = max(worst, abs(change))
             if worst <= enough:
@@ -175,24 +113,24 @@ def _bounce(state: State, constants: Constants, count: int) -> None:
     gained = 0.0  # and that the bounce gives
     for c in range(count):
         row = state.impacts[c]
-        if row.share > 0.0:
-            spent += row.share * row.closing
-            _kick(state, row, _restitution(row, constants) * row.share)
+        if row.stopping > 0.0:
+            spent += row.stopping * row.closing
+            _kick(state, row, _restitution(row, constants) * row.stopping)
     for c in range(count):
         row = state.impacts[c]
-        if row.share > 0.0:
-            gained -= _restitution(row, constants) * row.share * closing_speed(state, row)
+        if row.stopping > 0.0:
+            gained -= _restitution(row, constants) * row.stopping * closing_speed(state, row)
     # Less of it where rails and balls together would give more than was there, as different restitutions can.
     part = math.sqrt(spent / gained) if gained > spent * (1.0 + GAIN_ROUNDING) else 1.0
     for c in range(count):
         row = state.impacts[c]
-        if row.share > 0.0:
-            bounce = _restitution(row, constants) * row.share
+        if row.stopping > 0.0:
+            bounce = _restitution(row, constants) * row.stopping
             if part < 1.0:
                 _kick(state, row, (part - 1.0) * bounce)
-            row.impulse += constants.mass * (row.share + part * bounce)
+            row.impulse += constants.mass * (row.stopping + part * bounce)
 
 
 @kernel
 def _restitution(row: Impact, constants: Constants) -> float:
-    return 1.0 if row.second >= 0 else constants.restitution
+    return 1.0 if row.second >= 0 else constants.rail_restitution

@@ -48,7 +48,7 @@ def gap(px: float, py: float, vx: float, vy: float, ax: float, ay: float, t: flo
 
 
 @kernel
-def parting(px: float, py: float, vx: float, vy: float, ax: float, ay: float, t: float) -> float:
+def separation_rate(px: float, py: float, vx: float, vy: float, ax: float, ay: float, t: float) -> float:
     """q . q' at t, m^2/s: negative while the balls approach."""
     qx = px + (vx + 0.5 * ax * t) * t
     qy = py + (vy + 0.5 * ay * t) * t
@@ -59,7 +59,7 @@ def parting(px: float, py: float, vx: float, vy: float, ax: float, ay: float, t:
 def _turning_time(px: float, py: float, vx: float, vy: float, ax: float, ay: float, low: float, high: float) -> float:
     # The root of q . q' in [low, high], on which it is monotone and changes sign: Newton inside the bracket, else
     # bisection.
-    rising = parting(px, py, vx, vy, ax, ay, low) < 0.0
+    rising = separation_rate(px, py, vx, vy, ax, ay, low) < 0.0
     t = 0.5 * (low + high)
     for _ in range(MAX_ITERATIONS):
         qx = px + (vx + 0.5 * ax * t) * t
@@ -119,37 +119,37 @@ def contact_time(
     vy: float,
     ax: float,
     ay: float,
-    horizon: float,
+    duration: float,
     diameter: float,
     least: float,
 ) -> float:
-    """Earliest time in [0, horizon] at which two balls touch and approach, s; INF if there is none.
+    """Earliest time in [0, duration] at which two balls touch and approach, s; INF if there is none.
 
     Args:
-        px, py, vx, vy, ax, ay: relative position m, velocity m/s and acceleration m/s^2, constant over the horizon.
-        horizon: s, finite.
+        px, py, vx, vy, ax, ay: relative position m, velocity m/s and acceleration m/s^2, constant over the duration.
+        duration: s, finite.
         diameter: m.
         least: m/s; a touching pair that approaches no faster does not approach.
     """
     square = px * px + py * py
     along = px * vx + py * vy
-    pull = px * ax + py * ay
+    along_acceleration = px * ax + py * ay
     # The projection on the line of centres, p . q(t), must fall to |p| D.
-    if pull >= 0.0:
+    if along_acceleration >= 0.0:
         if along >= 0.0:
             lowest = square
-        elif -along < pull * horizon:
-            lowest = square - 0.5 * along * along / pull
+        elif -along < along_acceleration * duration:
+            lowest = square - 0.5 * along * along / along_acceleration
         else:
-            lowest = square + (along + 0.5 * pull * horizon) * horizon
+            lowest = square + (along + 0.5 * along_acceleration * duration) * duration
     else:
-        lowest = min(square, square + (along + 0.5 * pull * horizon) * horizon)
+        lowest = min(square, square + (along + 0.5 * along_acceleration * duration) * duration)
     reach = diameter * diameter * (1.0 + REJECT_ROUNDING)
     if lowest > 0.0 and lowest * lowest > square * reach:
         return INF
     # The distance from the line through p along v must fall to D.
     speed2 = vx * vx + vy * vy
-    miss = abs(vx * py - vy * px) - 0.5 * abs(vx * ay - vy * ax) * horizon * horizon
+    miss = abs(vx * py - vy * px) - 0.5 * abs(vx * ay - vy * ax) * duration * duration
     if miss > 0.0 and miss * miss > speed2 * reach:
         return INF
 
@@ -165,24 +165,24 @@ def contact_time(
     # Extrema of q . q': roots of (v^2 + p.a) + 3 v.a t + 3/2 a^2 t^2.
     accel2 = ax * ax + ay * ay
     middle = 3.0 * (vx * ax + vy * ay)
-    constant = speed2 + pull
-    first = horizon
-    second = horizon
+    constant = speed2 + along_acceleration
+    first = duration
+    second = duration
     discriminant = middle * middle - 6.0 * accel2 * constant
     if accel2 > 0.0 and discriminant > 0.0:
         root = math.sqrt(discriminant)
         large = -(middle + root) if middle >= 0.0 else -(middle - root)
         one = large / (3.0 * accel2)
         other = 2.0 * constant / large if large != 0.0 else one
-        first = min(max(min(one, other), 0.0), horizon)
-        second = min(max(max(one, other), 0.0), horizon)
+        first = min(max(min(one, other), 0.0), duration)
+        second = min(max(max(one, other), 0.0), duration)
 
     low = 0.0
     for stretch in range(3):
-        high = first if stretch == 0 else (second if stretch == 1 else horizon)
+        high = first if stretch == 0 else (second if stretch == 1 else duration)
         if high <= low:
             continue
-        at_high = parting(px, py, vx, vy, ax, ay, high)
+        at_high = separation_rate(px, py, vx, vy, ax, ay, high)
         if approach < 0.0 and at_high >= 0.0:  # a closest point within
             turn = _turning_time(px, py, vx, vy, ax, ay, low, high)
             if gap(px, py, vx, vy, ax, ay, turn, diameter) <= 0.0:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from .impact import count_impact
 from .kernel import kernel
 from .state import BALL_BALL, BALL_RAIL, Constants, State
 
@@ -20,11 +19,8 @@ def log_impact(
     approach: float,
     impulse: float,
 ) -> None:
-    """Log, and count, an impact of ball i with ball j, or with rail -1 - j; the normal points to ball i."""
+    """Log an impact of ball i with ball j, or with feature -1 - j; the normal points to ball i."""
     ball = state.balls[i]
-    count_impact(ball, approach, constants)
-    if j >= 0:
-        count_impact(state.balls[j], approach, constants)
     point_x = ball.x - constants.radius * nx
     point_y = ball.y - constants.radius * ny
     kind = BALL_BALL if j >= 0 else BALL_RAIL

@@ -3,31 +3,19 @@
 
 from __future__ import annotations
 
-from .cluster import bring_all, closing_speed, gather, reflect
-from .contact import bring, hold, is_held, presses_ball, presses_rail, release_ball, update_contacts
-from .impact import (
-    approach_speed,
-    collide_balls,
-    collide_rail,
-    normal_between,
-    normal_of_rail,
-    subsides,
-)
+from .bounce import count_impact, presses_feature, presses_pair, subsides
+from .cells import change_cell, predict_border
+from .cluster import advance_all, closing_speed, reflect
+from .feature import normal_of, place_on, predict_feature
+from .impact import approach_speed, collide_feature, collide_pair, normal_between
+from .island import gather_cluster, hold, is_held, release_ball
 from .kernel import kernel
 from .log import log_event, log_impact
-from .motion import begin_motion, end_phase, phase_of
-from .schedule import change_cell, enter_all, mark, predict_border, predict_pairs, predict_rail
-from .state import (
-    AT_REST,
-    INF,
-    NOBODY,
-    RESTED,
-    ROLLED,
-    ROLLING,
-    SLIDING,
-    Constants,
-    State,
-)
+from .motion import begin_motion, end_phase, mark, phase_of
+from .press import update_contacts
+from .schedule import enter_all, predict_pairs
+from .settle import advance_to
+from .state import AT_REST, INF, NOBODY, RESTED, ROLLED, ROLLING, SLIDING, Constants, State
 
 DONE = 0
 """No event is left before the time asked for."""
@@ -71,14 +59,14 @@ def run_until(state: State, until: float, taken: int, work: int) -> int:
             predict_pairs(state, constants, i, now)
         elif ball.hit_time == now:
             _meet_ball(state, constants, min(i, ball.hit), max(i, ball.hit), now)
-        elif ball.rail_time == now:
-            _meet_rail(state, constants, i, ball.rail, now)
+        elif ball.feature_time == now:
+            _meet_feature(state, constants, i, ball.feature, now)
         elif ball.phase_end != now:
             change_cell(state, constants, i)
             predict_border(ball, constants, now)
             predict_pairs(state, constants, i, now)
         elif ball.held > 0:
-            bring(state, constants, i, now)
+            advance_to(state, constants, i, now)
         else:
             end_phase(ball, constants)
             mark(state, i)
@@ -88,96 +76,104 @@ def run_until(state: State, until: float, taken: int, work: int) -> int:
 
 @kernel
 def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -> None:
-    bring(state, constants, i, now)
-    bring(state, constants, j, now)
+    advance_to(state, constants, i, now)
+    advance_to(state, constants, j, now)
     first, second = state.balls[i], state.balls[j]
     nx, ny = normal_between(first, second)
     approach = approach_speed(first, second, nx, ny)
     if approach <= constants.least_approach:
         approach = 0.0
-    if presses_ball(first, second, nx, ny, approach, constants):
+    if presses_pair(first, second, nx, ny, approach, constants):
         if approach > 0.0:
-            log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
+            _note_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
         hold(state, i, j)
-        bring(state, constants, i, now)
+        advance_to(state, constants, i, now)
     elif approach > 0.0 and subsides(min(first.bounces, second.bounces), approach, constants):
         _join_all(state, constants, i, now)
     elif approach > 0.0:
-        count = gather(state, constants, i, now)
+        count = gather_cluster(state, constants, i, now)
         if count > 1:
-            _meet_all(state, constants, count, now)
+            _collide_cluster(state, constants, count, now)
             return
-        collide_balls(first, second, nx, ny, approach)
-        log_impact(state, constants, now, i, j, nx, ny, approach, constants.mass * approach)
-        _let_go(state, i)
-        _let_go(state, j)
+        impulse = collide_pair(first, second, nx, ny, approach, constants)
+        _note_impact(state, constants, now, i, j, nx, ny, approach, impulse)
+        release_ball(state, i)
+        release_ball(state, j)
 
 
 @kernel
-def _meet_all(state: State, constants: Constants, count: int, now: float) -> None:
+def _collide_cluster(state: State, constants: Constants, count: int, now: float) -> None:
     # The contacts of a cluster at the same instant.
-    bring_all(state, constants, count, now)
+    advance_all(state, constants, count, now)
     reflect(state, constants, count)
     for c in range(count):
         impact = state.impacts[c]
         if impact.impulse == 0.0:
             continue
         i, j = impact.first, impact.second
-        log_impact(state, constants, now, i, j, impact.normal_x, impact.normal_y, impact.approach, impact.impulse)
-        _let_go(state, i)
+        _note_impact(state, constants, now, i, j, impact.normal_x, impact.normal_y, impact.approach, impact.impulse)
+        release_ball(state, i)
         if j >= 0:
-            _let_go(state, j)
+            release_ball(state, j)
 
 
 @kernel
 def _join_all(state: State, constants: Constants, i: int, now: float) -> None:
     # Everything that touches ball i, and what touches that, stays together. All of it at once: a ball that slides
     # through a gap between two others would hit one and the other in turn.
-    count = gather(state, constants, i, now)
-    bring_all(state, constants, count, now)
+    count = gather_cluster(state, constants, i, now)
+    advance_all(state, constants, count, now)
     for c in range(count):
         impact = state.impacts[c]
         first, second = impact.first, impact.second
         closing = closing_speed(state, impact)
         if closing > constants.least_approach:
             impulse = constants.mass * closing
-            log_impact(state, constants, now, first, second, impact.normal_x, impact.normal_y, closing, impulse)
+            _note_impact(state, constants, now, first, second, impact.normal_x, impact.normal_y, closing, impulse)
         if not is_held(state, first, second):
             hold(state, first, second)
-    bring(state, constants, i, now)
+    advance_to(state, constants, i, now)
 
 
 @kernel
-def _let_go(state: State, i: int) -> None:
-    # After an impact what pushed a ball is no longer what decides.
-    if state.balls[i].held > 0:
-        release_ball(state, i)
-
-
-@kernel
-def _meet_rail(state: State, constants: Constants, i: int, rail: int, now: float) -> None:
-    bring(state, constants, i, now)
+def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float) -> None:
+    advance_to(state, constants, i, now)
     ball = state.balls[i]
-    nx, ny = normal_of_rail(rail)
-    # Where it is but for rounding.
-    if nx != 0.0:
-        ball.x = -nx * constants.limit_x
-    else:
-        ball.y = -ny * constants.limit_y
+    nx, ny = normal_of(state, k)
+    place_on(state, k, ball)
     approach = -(nx * ball.vx + ny * ball.vy)
     if approach <= constants.least_approach:
         approach = 0.0
     if approach > 0.0:
-        impulse = constants.mass * (1.0 + constants.restitution) * approach
-        log_impact(state, constants, now, i, -1 - rail, nx, ny, approach, impulse)
-    if presses_rail(ball, nx, ny, approach, constants):
-        hold(state, i, -1 - rail)
-        bring(state, constants, i, now)
+        impulse = constants.mass * (1.0 + constants.rail_restitution) * approach
+        _note_impact(state, constants, now, i, -1 - k, nx, ny, approach, impulse)
+    if presses_feature(ball, nx, ny, approach, constants):
+        hold(state, i, -1 - k)
+        advance_to(state, constants, i, now)
     elif approach > 0.0 and subsides(ball.bounces, approach, constants):
         _join_all(state, constants, i, now)
     elif approach > 0.0:
-        collide_rail(ball, nx, constants)
-        _let_go(state, i)
+        collide_feature(ball, nx, ny, constants)
+        release_ball(state, i)
+
+
+@kernel
+def _note_impact(
+    state: State,
+    constants: Constants,
+    now: float,
+    i: int,
+    j: int,
+    nx: float,
+    ny: float,
+    approach: float,
+    impulse: float,
+) -> None:
+    # Log an impact and count it.
+    log_impact(state, constants, now, i, j, nx, ny, approach, impulse)
+    count_impact(state.balls[i], approach, constants)
+    if j >= 0:
+        count_impact(state.balls[j], approach, constants)
 
 
 @kernel
@@ -196,7 +192,7 @@ def _resume(state: State, constants: Constants, now: float) -> None:
         if ball.held == 0:
             begin_motion(ball, phase_of(ball, constants), constants)
         _report_phase(state, i, now)
-        predict_rail(ball, constants)
+        predict_feature(state, constants, ball)
         predict_border(ball, constants, now)
     for k in range(clock.changed):
         predict_pairs(state, constants, state.changed[k].ball, now)

@@ -15,10 +15,39 @@ from __future__ import annotations
 import math
 
 from .kernel import kernel
-from .state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants
+from .state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants, State
+
+SLIP_SHARE = 2.0 / 7.0
+"""Of a slip: what friction takes from the velocity until it has ended. With I = 2/5 m R^2, m R^2/(I + m R^2) is 5/7."""
+
+ROLLING_SHARE = 5.0 / 7.0
+"""Of a kick: what is left of it once the ball rolls again."""
+
+GRIP = 3.5
+"""Times the acceleration of sliding friction: how fast friction ends a slip, and the push that a ball can roll with."""
 
 SLIP_ROUNDING = 1e-12
 """Relative to |v| + R|w|: a slip this small is rounding of v = R w, the ball rolls."""
+
+
+@kernel
+def mark(state: State, i: int) -> None:
+    """Note that the motion of ball i has changed: it is to be set going, and predicted again."""
+    if not state.balls[i].changed:
+        state.balls[i].changed = True
+        state.changed[state.clock[0].changed].ball = i
+        state.clock[0].changed += 1
+
+
+@kernel
+def mobility(phase: int) -> float:
+    """Change of velocity by a unit impulse per mass, on the average over fine bounces.
+
+    A sliding ball takes it whole. A rolling one is kicked into a slip that friction ends again, a resting one stays.
+    """
+    if phase == SLIDING:
+        return 1.0
+    return ROLLING_SHARE if phase == ROLLING else 0.0
 
 
 @kernel
@@ -56,8 +85,8 @@ def anchor(ball: Ball, time: float) -> None:
 def roll_off(ball: Ball, radius: float) -> None:
     """End the slip of a ball: what friction makes of v and w by the time that u = 0."""
     ux, uy = slip(ball, radius)
-    ball.vx -= 2.0 / 7.0 * ux
-    ball.vy -= 2.0 / 7.0 * uy
+    ball.vx -= SLIP_SHARE * ux
+    ball.vy -= SLIP_SHARE * uy
     ball.wx = -ball.vy / radius
     ball.wy = ball.vx / radius
 
@@ -94,7 +123,7 @@ def begin_motion(ball: Ball, phase: int, constants: Constants) -> None:
         ball.ay = -constants.sliding * (uy / speed)
         ball.alpha_x = 2.5 * ball.ay / constants.radius
         ball.alpha_y = -2.5 * ball.ax / constants.radius
-        ball.phase_end = ball.time + 2.0 / 7.0 * speed / constants.sliding
+        ball.phase_end = ball.time + SLIP_SHARE * speed / constants.sliding
     elif phase == ROLLING and constants.rolling > 0.0:
         speed = math.sqrt(ball.vx * ball.vx + ball.vy * ball.vy)
         ball.ax = -constants.rolling * (ball.vx / speed)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 INF = math.inf
 
 NOBODY = -1
-"""Where a ball or a rail could stand, and none does."""
+"""Where a ball or a feature could stand, and none does."""
 
 ONE_CELL = 32
 """Balls. Up to so many it is faster to look at all of them than to keep account of cells."""
@@ -37,12 +37,12 @@ X_MIN = 0
 X_MAX = 1
 Y_MIN = 2
 Y_MAX = 3
-"""Rails, and sides of a cell."""
+"""Sides of the playing area, in the order of the features, and of a cell."""
 
 QUEUED = 1
 LISTED = 2
 
-REST_WAY = 1e-20
+REST_DISTANCE = 1e-20
 """m. A ball that would roll no further than this has stopped, 4e-11 m/s on the paper's cloth: otherwise balls in touch
 hand on the rounding of their velocities in ever smaller steps. Without friction nothing stops."""
 
@@ -80,12 +80,11 @@ class Ball:
     alpha_x: float = 0.0  # rad/s^2
     alpha_y: float = 0.0
     phase_end: float = 0.0  # s, when the phase, or a step of a sustained contact, ends
-    rail_time: float = 0.0  # s, the next rail contact
-    rail: int = 0  # code
+    feature_time: float = 0.0  # s, when it meets a feature at the earliest
+    feature: int = 0  # that feature
     border_time: float = 0.0  # s, when it leaves its cell
-    border: int = 0  # code, on the side of which rail
-    held_x: bool = False  # whether a sustained contact is with a rail at x_min or x_max
-    held_y: bool = False
+    border: int = 0  # on which side
+    held_at: int = 0  # bit k: in sustained contact with feature k
     push_x: float = 0.0  # m/s^2, push of its sustained contacts per mass
     push_y: float = 0.0
     dir_x: float = 0.0  # unit direction that friction opposes while in sustained contact
@@ -101,7 +100,7 @@ class Contact:
     """A sustained contact."""
 
     first: int = 0  # ball
-    second: int = 0  # ball or, for a rail, -1 - code
+    second: int = 0  # ball or, for feature k, -1 - k
     push: float = 0.0  # m/s^2 per mass
     normal_x: float = 0.0  # unit, from second to first
     normal_y: float = 0.0
@@ -113,13 +112,22 @@ class Impact:
     """One of the impacts that happen at the same instant."""
 
     first: int = 0  # ball
-    second: int = 0  # ball or, for a rail, -1 - code
+    second: int = 0  # ball or, for feature k, -1 - k
     normal_x: float = 0.0  # unit, from second to first
     normal_y: float = 0.0
     approach: float = 0.0  # m/s, when it first closed
     closing: float = 0.0  # m/s, at the start of a reflection
-    share: float = 0.0  # m/s, what stops it in one reflection
+    stopping: float = 0.0  # m/s, impulse per mass that stops it in one reflection
     impulse: float = 0.0  # N s
+
+
+@dataclass(slots=True)
+class Feature:
+    """What stands on the table: the line that the centre of a ball reaches where it touches the nose of a rail."""
+
+    normal_x: float = 0.0  # unit, into the table
+    normal_y: float = 0.0
+    offset: float = 0.0  # m, of the table's centre over the line
 
 
 @dataclass(slots=True)
@@ -150,7 +158,7 @@ class Record:
     time: float = 0.0  # s
     kind: int = 0  # code
     first: int = 0  # ball
-    second: int = 0  # ball or rail
+    second: int = 0  # ball or feature
     point_x: float = 0.0  # m, centred
     point_y: float = 0.0
     normal_x: float = 0.0
@@ -167,9 +175,7 @@ class Constants:
     radius: float = 0.0  # m
     sliding: float = 0.0  # m/s^2, deceleration of a sliding ball, mu_s g
     rolling: float = 0.0  # m/s^2, deceleration of a rolling ball, mu_r g
-    restitution: float = 0.0
-    limit_x: float = 0.0  # m, largest |x| of a ball's centre
-    limit_y: float = 0.0  # m
+    rail_restitution: float = 0.0
     cells_x: int = 0  # number of cells along x
     cells_y: int = 0
     cell_width: float = 0.0  # m
@@ -181,7 +187,7 @@ class Constants:
 
 
 class State(NamedTuple):
-    """The tables that the kernels work on. Clock and constants are tables of one row; the constants do not change."""
+    """The tables that the kernels work on. Clock and constants are tables of one row; constants and features do not change."""
 
     balls: Sequence[Ball]
     cells: Sequence[Slot]  # the first ball in each, row by row
@@ -190,6 +196,7 @@ class State(NamedTuple):
     contacts: Sequence[Contact]
     clock: Sequence[Clock]
     constants: Sequence[Constants]
+    features: Sequence[Feature]
     members: Sequence[Slot]  # scratch, as what follows: of a group
     impacts: Sequence[Impact]
     log: Sequence[Record]

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 
-from .contact import bring, release_ball
 from .detection import contact_time, rail_contact_time
+from .feature import normal_of, overlap_with
+from .island import release_ball
 from .kernel import kernel
 from .log import log_event
 from .motion import place_at
+from .settle import advance_to
 from .state import AT_REST, NOBODY, OFF_TABLE, ROLLING, SHOT, SLIDING, State
 
 
@@ -32,8 +34,7 @@ def begin_anew(state: State) -> None:
         ball.alpha_x = 0.0
         ball.alpha_y = 0.0
         ball.held = 0
-        ball.held_x = False
-        ball.held_y = False
+        ball.held_at = 0
         ball.reported = AT_REST
         ball.bounces = 0
         ball.changed = False
@@ -61,7 +62,7 @@ def strike(
     clock.now = now
     clock.events = 0
     if clock.begun:
-        bring(state, constants, i, now)
+        advance_to(state, constants, i, now)
         release_ball(state, i)
     time = constants.cue_contact_time
     mass, radius = constants.mass, constants.radius
@@ -92,8 +93,9 @@ def _free_way(state: State, i: int, now: float, x: float, y: float, way_x: float
     # Share of the displacement under the cue (equation 3), 0 to 1, that ends at the first ball or rail in the way.
     constants = state.constants[0]
     way = 1.0
-    way = min(way, rail_contact_time(constants.limit_x - math.copysign(1.0, way_x) * x, abs(way_x), 0.0, 0.0))
-    way = min(way, rail_contact_time(constants.limit_y - math.copysign(1.0, way_y) * y, abs(way_y), 0.0, 0.0))
+    for k in range(len(state.features)):
+        nx, ny = normal_of(state, k)
+        way = min(way, rail_contact_time(-overlap_with(state, k, x, y), -(nx * way_x + ny * way_y), 0.0, 0.0))
     for j in range(len(state.balls)):
         if j != i and state.balls[j].phase != OFF_TABLE:
             other_x, other_y = place_at(state.balls[j], now)

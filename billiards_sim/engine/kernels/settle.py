@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bringing balls to an instant: free ones along their motion, those in sustained contact together.
+
+Balls in contact keep no motion along the normals. It is taken out by impulses, to which a ball yields on the average
+over fine bounces: `mobility`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .bounce import leniency
+from .feature import normal_of
+from .island import gather_island
+from .kernel import kernel
+from .motion import GRIP, anchor, mark, mobility, roll_off, slip
+from .state import AT_REST, ROLLING, SLIDING, Ball, Constants, Contact, State
+
+MIN_STEP = 1e-8
+"""s. A slip that friction ends within this time has ended."""
+
+MIN_DISTANCE = 1e-12
+"""m. A ball in contact that rolls no further than this rests; more after many slow impacts, as with their height."""
+
+SPEED_TOLERANCE = 1e-15
+"""m/s. Accuracy of the velocities when motion along the normals is taken out."""
+
+PLAIN_SWEEPS = 32
+"""Sweeps until which pushes and kicks are not relaxed: most islands are solved by then."""
+
+OVER_RELAXATION = 1.6
+"""Of pushes and kicks in later sweeps: a long chain needs a third of the sweeps."""
+
+MAX_ITERATIONS = 1000
+"""Bound on the sweeps over the contacts; chains of 16 balls need about 300."""
+
+
+@kernel
+def advance_to(state: State, constants: Constants, i: int, now: float) -> None:
+    """Bring ball i, and what is in sustained contact with it, to `now` and mark it as changed.
+
+    Balls in contact keep no motion along the normals; `update_contacts` is due for them.
+    """
+    mark(state, i)
+    if state.balls[i].held > 0:
+        _settle(state, constants, i, now)
+    else:
+        anchor(state.balls[i], now)
+
+
+@kernel
+def _settle(state: State, constants: Constants, i: int, now: float) -> None:
+    balls = state.balls
+    contacts, count = gather_island(state, i)
+    for k in range(count):
+        member = state.members[k].ball
+        mark(state, member)
+        anchor(balls[member], now)
+        balls[member].phase_end = now
+        _end_micro_slip(balls[member], constants)
+    set_normals(state, contacts, 0.0)
+    settle_velocities(state, constants, contacts, count)
+
+
+@kernel
+def settle_velocities(state: State, constants: Constants, contacts: int, count: int) -> None:
+    # A ball that stops does not yield any more, and its neighbours must not close on it.
+    stopping = True
+    while stopping:
+        _stop_normal_motion(state, constants, contacts)
+        stopping = False
+        for k in range(count):
+            if _end_micro_motion(state.balls[state.members[k].ball], constants):
+                stopping = True
+
+
+@kernel
+def _stop_normal_motion(state: State, constants: Constants, contacts: int) -> None:
+    # Sweeps over the contacts of an island until none has a velocity along its normal.
+    balls = state.balls
+    for sweep in range(MAX_ITERATIONS):
+        state.clock[0].work += contacts
+        relaxation = 1.0 if sweep < PLAIN_SWEEPS else OVER_RELAXATION
+        worst = 0.0
+        for c in range(contacts):
+            contact = state.contacts[c]
+            first = balls[contact.first]
+            nx, ny = contact.normal_x, contact.normal_y
+            speed = opening_speed(state, contact)
+            total = mobility(first.phase)
+            if contact.second >= 0:
+                total += mobility(balls[contact.second].phase)
+            if total > 0.0:
+                kick = -relaxation * speed / total
+                _kick(first, kick * nx, kick * ny, constants.radius)
+                if contact.second >= 0:
+                    _kick(balls[contact.second], -kick * nx, -kick * ny, constants.radius)
+                worst = max(worst, abs(speed))
+        if worst <= SPEED_TOLERANCE:
+            return
+
+
+@kernel
+def opening_speed(state: State, contact: Contact) -> float:
+    # Along the normal, m/s.
+    first = state.balls[contact.first]
+    speed = first.vx * contact.normal_x + first.vy * contact.normal_y
+    if contact.second >= 0:
+        second = state.balls[contact.second]
+        speed -= second.vx * contact.normal_x + second.vy * contact.normal_y
+    return speed
+
+
+@kernel
+def _end_micro_slip(ball: Ball, constants: Constants) -> None:
+    # A slip that friction ends within MIN_STEP.
+    ux, uy = slip(ball, constants.radius)
+    if ball.phase == SLIDING and math.sqrt(ux * ux + uy * uy) <= GRIP * constants.sliding * MIN_STEP:
+        roll_off(ball, constants.radius)
+        ball.phase = ROLLING
+
+
+@kernel
+def _end_micro_motion(ball: Ball, constants: Constants) -> bool:
+    # A roll that has stopped, or is ending and would go no further than MIN_DISTANCE; returns whether the ball had any
+    # velocity left. The acceleration stays: it tells what pushes the ball.
+    square = ball.vx * ball.vx + ball.vy * ball.vy
+    ending = ball.ax * ball.vx + ball.ay * ball.vy <= 0.0
+    stopped = square <= constants.rest_speed * constants.rest_speed
+    ending = ending and square <= 2.0 * constants.rolling * least_distance(ball)
+    if not (ball.phase == ROLLING and (stopped or ending)):
+        return False
+    stop(ball)
+    return square > 0.0
+
+
+@kernel
+def least_distance(ball: Ball) -> float:
+    # A ball in contact that rolls no further than this, m, rests.
+    return MIN_DISTANCE * leniency(ball.bounces)
+
+
+@kernel
+def stop(ball: Ball) -> None:
+    ball.phase = AT_REST
+    ball.vx = 0.0
+    ball.vy = 0.0
+    ball.wx = 0.0
+    ball.wy = 0.0
+
+
+@kernel
+def _kick(ball: Ball, jx: float, jy: float, radius: float) -> None:
+    share = mobility(ball.phase)
+    ball.vx += share * jx
+    ball.vy += share * jy
+    if ball.phase == ROLLING:  # a slip that is too small to count stays what it is, else energy could rise
+        ball.wx -= share * jy / radius
+        ball.wy += share * jx / radius
+
+
+@kernel
+def set_normals(state: State, contacts: int, ahead: float) -> None:
+    # `ahead` seconds along the present arcs.
+    for c in range(contacts):
+        contact = state.contacts[c]
+        if contact.second >= 0:
+            qx, qy = separation(state, contact, ahead)
+            distance = math.sqrt(qx * qx + qy * qy)
+            contact.normal_x = qx / distance
+            contact.normal_y = qy / distance
+        else:
+            contact.normal_x, contact.normal_y = normal_of(state, -1 - contact.second)
+
+
+@kernel
+def separation(state: State, contact: Contact, ahead: float) -> tuple[float, float]:
+    first = state.balls[contact.first]
+    second = state.balls[contact.second]
+    return (
+        first.x - second.x + (first.vx - second.vx + 0.5 * (first.ax - second.ax) * ahead) * ahead,
+        first.y - second.y + (first.vy - second.vy + 0.5 * (first.ay - second.ay) * ahead) * ahead,
+    )
