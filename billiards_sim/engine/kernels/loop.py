@@ -1,5 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The event loop: take the earliest event, let it happen, predict again what it changed."""
+"""The event loop: take the earliest event, let it happen, predict again what it changed.
+
+The life of an event:
+
+1. It is predicted. Each ball knows when it meets another ball (`schedule.predict_pairs`) or what stands on the table
+   (`feature.predict_feature`), when its phase or its step in sustained contact ends (`motion`, `press`), and when it
+   leaves its cell (`cells`). The earliest of these is what the ball is in the tree with.
+2. It is the earliest of all: it is on top of the tree (`schedule.reschedule`).
+3. It happens. The balls concerned are brought to its instant (`settle.advance_to`). Of bodies that meet, those that
+   bounce too low stay together (`bounce`, `island.hold`); what else touches at the same instant is solved with them
+   (`cluster`); two alone follow the laws of impact (`impact`, `law/`). A phase that ends passes into the next
+   (`motion.end_phase`).
+4. It is logged, if it is one to tell of (`log`).
+5. What it changed is marked (`motion.mark`), set going (`press.update_contacts` where balls press, else
+   `motion.begin_motion`) and predicted again. What was not marked keeps its predictions.
+"""
 
 from __future__ import annotations
 
@@ -145,15 +160,17 @@ def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float
     if approach <= constants.least_approach:
         approach = 0.0
     if approach > 0.0:
-        impulse = constants.mass * (1.0 + constants.rail_restitution) * approach
-        _note_impact(state, constants, now, i, -1 - k, nx, ny, approach, impulse)
+        count_impact(ball, approach, constants)
     if presses_feature(ball, nx, ny, approach, constants):
+        if approach > 0.0:
+            log_impact(state, constants, now, i, -1 - k, nx, ny, approach, constants.mass * approach)
         hold(state, i, -1 - k)
         advance_to(state, constants, i, now)
     elif approach > 0.0 and subsides(ball.bounces, approach, constants):
         _join_all(state, constants, i, now)
     elif approach > 0.0:
-        collide_feature(ball, nx, ny, constants)
+        impulse = collide_feature(ball, nx, ny, constants)
+        log_impact(state, constants, now, i, -1 - k, nx, ny, approach, impulse)
         release_ball(state, i)
 
 

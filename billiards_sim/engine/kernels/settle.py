@@ -64,7 +64,10 @@ def _settle(state: State, constants: Constants, i: int, now: float) -> None:
 
 @kernel
 def settle_velocities(state: State, constants: Constants, contacts: int, count: int) -> None:
-    # A ball that stops does not yield any more, and its neighbours must not close on it.
+    """Take the motion along its normals from an island whose contacts and balls are gathered.
+
+    A ball that stops by it does not yield any more, and its neighbours must not close on it.
+    """
     stopping = True
     while stopping:
         _stop_normal_motion(state, constants, contacts)
@@ -102,7 +105,7 @@ def _stop_normal_motion(state: State, constants: Constants, contacts: int) -> No
 
 @kernel
 def opening_speed(state: State, contact: Contact) -> float:
-    # Along the normal, m/s.
+    """Speed along the normal of a contact at which its bodies come apart, m/s."""
     first = state.balls[contact.first]
     speed = first.vx * contact.normal_x + first.vy * contact.normal_y
     if contact.second >= 0:
@@ -136,12 +139,13 @@ def _end_micro_motion(ball: Ball, constants: Constants) -> bool:
 
 @kernel
 def least_distance(ball: Ball) -> float:
-    # A ball in contact that rolls no further than this, m, rests.
+    """Distance, m: a ball in contact that rolls no further rests."""
     return MIN_DISTANCE * leniency(ball.bounces)
 
 
 @kernel
 def stop(ball: Ball) -> None:
+    """Lay a ball to rest where it is."""
     ball.phase = AT_REST
     ball.vx = 0.0
     ball.vy = 0.0
@@ -161,7 +165,7 @@ def _kick(ball: Ball, jx: float, jy: float, radius: float) -> None:
 
 @kernel
 def set_normals(state: State, contacts: int, ahead: float) -> None:
-    # `ahead` seconds along the present arcs.
+    """Set the normals of the first so many contacts to what they are `ahead` s along the present arcs."""
     for c in range(contacts):
         contact = state.contacts[c]
         if contact.second >= 0:
@@ -175,6 +179,7 @@ def set_normals(state: State, contacts: int, ahead: float) -> None:
 
 @kernel
 def separation(state: State, contact: Contact, ahead: float) -> tuple[float, float]:
+    """From the centre of the second ball of a contact to the first, m, `ahead` s along the present arcs."""
     first = state.balls[contact.first]
     second = state.balls[contact.second]
     return (
