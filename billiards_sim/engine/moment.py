@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import NamedTuple
 
 import numpy as np
 
 from billiards_sim.engine import machine
+from billiards_sim.engine.cue import Blow
 from billiards_sim.engine.features import features_of
 from billiards_sim.engine.kernels.loop import CONTACTS_PER_BALL
 from billiards_sim.engine.kernels.orientation import Turns, turn_all
@@ -38,17 +38,17 @@ from billiards_sim.engine.kernels.state import (
     State,
 )
 from billiards_sim.engine.kernels.strike import begin_anew
-from billiards_sim.engine.scene import Scene, Shot
+from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.tables import (
     Packed,
     blank,
     columns,
     copy_block,
     copy_rows,
+    fill,
     get_field,
     in_form,
     set_columns,
-    set_fields,
 )
 
 LOG_ROWS = 1024
@@ -76,6 +76,14 @@ class Mark(NamedTuple):
     speed: float  # m/s, which no ball can have exceeded since, nor its rim by rolling or sliding
 
 
+class LastShot(NamedTuple):
+    """A shot, and the moment at which it was made."""
+
+    before: Moment
+    blow: Blow
+    ball: str
+
+
 class Moment(NamedTuple):
     """Where a simulation is. The kernels go on with `state` and `turns` in place; the rest is replaced."""
 
@@ -87,7 +95,7 @@ class Moment(NamedTuple):
     taken: int = 0  # number of events, since the kernels' clock was at 0, that are copied from their log
     pending: tuple[Sequence[Record], ...] = ()  # events, at times of the table, that no call has handed over yet
     mark: Mark | None = None  # where progress is measured from
-    last_shot: tuple[Moment, Shot] | None = None  # and the moment at which it was made
+    last_shot: LastShot | None = None
 
     @property
     def inner(self) -> float:
@@ -121,7 +129,10 @@ class Moment(NamedTuple):
         events = copy_rows(self.state.log[:count])  # the log began again when all before were taken
         if self.epoch != 0.0:
             set_columns(events, ("time",), self.epoch + columns(events, "time"))
-        return self._replace(taken=logged, pending=(*self.pending, events))
+        pending = (*self.pending, events)
+        return Moment(
+            self.state, self.turns, self.epoch, self.asked, self.rest, logged, pending, self.mark, self.last_shot
+        )
 
     def is_idle(self, until: float) -> bool:
         """Whether the kernels have nothing to do up to a time of their clock, s."""
@@ -132,15 +143,27 @@ class Moment(NamedTuple):
         next_event = get_field(state.balls, first, "event_time")
         return bool(next_event > until or next_event == INF)
 
-    def to_work_on(self) -> Moment:
-        """What the kernels go on with: in machine code's form where there is some; else, as the interpreter can be left
-        half way, a copy."""
+    def in_best_form(self) -> Moment:
+        """The same in the form of machine code where there is some."""
         packed = machine.is_ready()
-        if isinstance(self.state, Packed) != packed:
-            return self._replace(state=in_form(self.state, packed), turns=in_form(self.turns, packed))
-        if packed:
+        if isinstance(self.state, Packed) == packed:
             return self
-        return self._replace(state=copy_block(self.state, SCRATCH), turns=copy_block(self.turns))
+        moment = self.with_log_taken()
+        return moment._replace(state=in_form(moment.state, packed), turns=in_form(moment.turns, packed))
+
+    def to_be_left(self) -> Moment:
+        """A copy for the interpreter to work on, which can be left half way."""
+        return copied(self.with_log_taken())
+
+    def after_shot(self, shot: LastShot) -> Moment:
+        """The same, with another last shot."""
+        return Moment(
+            self.state, self.turns, self.epoch, self.asked, self.rest, self.taken, self.pending, self.mark, shot
+        )
+
+    def without_past(self) -> Moment:
+        """The same, without the events and the shot before."""
+        return Moment(self.state, self.turns, self.epoch, self.asked, self.rest, self.taken)
 
 
 def start(scene: Scene) -> Moment:
@@ -164,9 +187,8 @@ def start(scene: Scene) -> Moment:
         impacts=CONTACTS_PER_BALL * count,
         log=LOG_ROWS + (CONTACTS_PER_BALL + 1) * count,
     )
-    set_fields(state.constants, 0, **asdict(constants))
-    for index, feature in enumerate(features):
-        set_fields(state.features, index, **asdict(feature))
+    fill(state.constants, [constants])
+    fill(state.features, features)
     phases = np.where(scene.in_play[:, np.newaxis], AT_REST, OFF_TABLE)
     moving = (scene.velocities != 0.0).any(axis=1) | (scene.angular_velocities[:, :2] != 0.0).any(axis=1)
     set_columns(state.balls, ("x", "y"), scene.positions - scene.table.centre)
@@ -212,7 +234,7 @@ def begun_anew(moment: Moment) -> Moment:
     if len(turns.turns):
         machine.call(turn_all, turns, moment.inner)
         set_columns(turns.turns, ("time",), np.zeros((len(turns.turns), 1)))
-    return moment._replace(state=state, turns=turns, epoch=moment.time, asked=0.0, rest=0.0, taken=0, mark=None)
+    return Moment(state, turns, moment.time, pending=moment.pending, last_shot=moment.last_shot)
 
 
 def copied(moment: Moment) -> Moment:
@@ -222,14 +244,14 @@ def copied(moment: Moment) -> Moment:
 
 def stored(moment: Moment) -> Moment:
     """One to be kept outside of the process, or beside this one."""
-    last_shot = moment.last_shot and (stored(moment.last_shot[0]), moment.last_shot[1])
+    last_shot = moment.last_shot and moment.last_shot._replace(before=stored(moment.last_shot.before))
     return copied(moment.with_log_taken())._replace(last_shot=last_shot)
 
 
 def fetched(moment: Moment) -> Moment:
     """What was stored, perhaps by a process where there was machine code and here is none."""
     packed = machine.is_ready()
-    last_shot = moment.last_shot and (fetched(moment.last_shot[0]), moment.last_shot[1])
+    last_shot = moment.last_shot and moment.last_shot._replace(before=fetched(moment.last_shot.before))
     return moment._replace(
         state=in_form(moment.state, packed), turns=in_form(moment.turns, packed), last_shot=last_shot
     )

@@ -24,12 +24,12 @@ from billiards_sim.engine.kernels.orientation import turn_all
 from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, Record
 from billiards_sim.engine.kernels.strike import strike
 from billiards_sim.engine.kernels.trajectory import run_followed
-from billiards_sim.engine.moment import Mark, Moment, begun_anew, copied, fetched, start, stored
+from billiards_sim.engine.moment import LastShot, Mark, Moment, begun_anew, copied, fetched, start, stored
 from billiards_sim.engine.quantity import listed
 from billiards_sim.engine.recorder import Recorder, blank_tape
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.scene_file import save_scene
-from billiards_sim.engine.tables import Packed, as_tuple, columns, copy_block, get_field, join_rows, set_fields
+from billiards_sim.engine.tables import Packed, as_tuple, column, columns, copy_block, get_field, join_rows, set_fields
 
 BATCH = 50_000
 """Work of one call of the kernels, some milliseconds; signals are heard between two."""
@@ -196,12 +196,12 @@ class Simulation:
     @property
     def at_rest(self) -> bool:
         """Whether every ball rests. A ball that spins about the vertical on the spot rests."""
-        return not (columns(self._now.state.balls, "phase") > AT_REST).any()
+        return bool(column(self._now.state.balls, "phase").max() <= AT_REST)
 
     @property
     def in_play(self) -> NDArray[np.bool_]:
         """(N,) whether each ball is on the table, a copy."""
-        return columns(self._now.state.balls, "phase")[:, 0] != OFF_TABLE
+        return column(self._now.state.balls, "phase") != OFF_TABLE
 
     @property
     def kinetic_energy(self) -> float:
@@ -265,19 +265,23 @@ class Simulation:
         index = self._scene.names.index(ball)
         blow = cue.checked(force, offset, self._scene.physics)
         before = self._now.with_log_taken()
-        phase = get_field(before.state.balls, index, "phase")
+        balls = before.state.balls
+        phase = get_field(balls, index, "phase")
         if phase == OFF_TABLE:
             raise ValueError(f"ball {ball!r} is not in play")
         if phase != AT_REST:
             speed = float(np.hypot(*self.velocities[index]))
             raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
-        x, y = (self.positions[index] - self._centre).tolist()
-        now = begun_anew(before) if self.at_rest else copied(before)
+        anew = self.at_rest
+        now = begun_anew(before) if anew else copied(before)
+        # From where the ball is said to be, whose last bit may be another than that of its centred place.
+        centre_x, centre_y = self._scene.table.centre
+        x, y = get_field(balls, index, "x") + centre_x - centre_x, get_field(balls, index, "y") + centre_y - centre_y
         machine.call(strike, now.state, index, now.inner, x, y, *blow)
-        now = now.with_log_taken()
-        set_fields(now.pending[-1], 0, time=before.time)
-        shot = Shot(force, offset, ball)  # type: ignore[arg-type]
-        self._now = now._replace(last_shot=(before._replace(pending=(), last_shot=None), shot))
+        if not anew:  # `rest` is part of the time too
+            now = now.with_log_taken()
+            set_fields(now.pending[-1], 0, time=before.time)
+        self._now = now.after_shot(LastShot(before.without_past(), blow, ball))
 
     def shoot(
         self,
@@ -335,7 +339,7 @@ class Simulation:
         """
         if until is None:
             physics = self._scene.physics
-            if not self.at_rest and 0.0 in (physics.sliding_friction, physics.rolling_friction):
+            if 0.0 in (physics.sliding_friction, physics.rolling_friction) and not self.at_rest:
                 raise ValueError(
                     f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                     f"{physics.rolling_friction:g}: give run() a time `until`"
@@ -358,7 +362,8 @@ class Simulation:
         # What leads to the present state: the scene, or what was on the table at the last shot, with the shot.
         if self._now.last_shot is None:
             return self._scene
-        before, shot = self._now.last_shot
+        before, blow, ball = self._now.last_shot
+        shot = Shot((blow.fx, blow.fy, 0.0), (blow.side, blow.up), ball)
         return replace(self._at(before).scene(), name=f"{self._scene.name} before a shot".strip(), shot=shot)
 
     def _at(self, moment: Moment) -> Simulation:
@@ -377,7 +382,6 @@ class Simulation:
         deadline = INF if budget is None else perf_counter() + budget
         if recorder is not None:
             recorder.epoch = self._now.epoch
-        self._now = self._now.with_log_taken()
         while not self._play_batch(until, recorder):
             self._check_progress()
             if recorder is not None:
@@ -391,10 +395,12 @@ class Simulation:
     def _play_batch(self, until: float, recorder: Recorder | None) -> bool:
         # Returns whether nothing is left to do.
         followed = recorder is not None or self._scene.track_orientation
-        if not followed and self._now.is_idle(until):
-            return True
-        work = self._now.to_work_on()
+        work = self._now.in_best_form()
         packed = isinstance(work.state, Packed)
+        if not packed:
+            if not followed and work.is_idle(until):
+                return True
+            work = work.to_be_left()
         most = BATCH if packed else max(BATCH // INTERPRETED, 1)
         if followed:
             tape = recorder.tape(packed) if recorder is not None else blank_tape(0, packed)

@@ -164,6 +164,15 @@ def get_field(table: Sequence[Any], row: int, field: str) -> Any:
     return table[field].item(row) if isinstance(table, np.ndarray) else getattr(table[row], field)
 
 
+def fill(table: Any, records: Sequence[Any]) -> None:
+    """Give a table the values of as many records."""
+    values = [as_tuple(record) for record in records]
+    if isinstance(table, np.ndarray):
+        table[:] = values
+    else:
+        table[:] = starmap(type(records[0]), values)
+
+
 def set_fields(table: Sequence[Any], row: int, **values: float) -> None:
     """Give fields of a record values."""
     for field, value in values.items():
@@ -184,11 +193,15 @@ def as_tuple(record: Any) -> tuple[Any, ...]:
 def columns(table: Sequence[Any], *names: str) -> NDArray[np.float64]:
     """(rows, fields) the values of some fields of records, a copy."""
     if isinstance(table, np.ndarray):
-        values = np.empty((len(table), len(names)))
-        for column, name in enumerate(names):
-            values[:, column] = table[name]
-        return values
+        numbers, indices = _numbers(table.dtype, names)
+        words = table.view(numbers).reshape(len(table), -1)
+        return np.asarray(words[:, indices], np.float64)
     return np.array([[getattr(row, name) for name in names] for row in table], np.float64).reshape(-1, len(names))
+
+
+def column(table: Sequence[Any], name: str) -> NDArray[Any]:
+    """(rows,) the values of a field of records, not to be written to."""
+    return table[name] if isinstance(table, np.ndarray) else np.array([getattr(row, name) for row in table])
 
 
 def set_columns(table: Sequence[Any], names: Sequence[str], values: NDArray[Any]) -> None:
@@ -200,6 +213,14 @@ def set_columns(table: Sequence[Any], names: Sequence[str], values: NDArray[Any]
         for row, numbers in zip(table, values.tolist()):
             for name, number in zip(names, numbers):
                 setattr(row, name, number)
+
+
+@cache
+def _numbers(row: Any, names: tuple[str, ...]) -> tuple[Any, NDArray[np.intp]]:
+    # The type of some fields of records, all of the same, and where they are among the words of a record.
+    types = {row.fields[name][0] for name in names}
+    (kind,) = types
+    return kind, np.array([row.fields[name][1] // WORD for name in names])
 
 
 @cache

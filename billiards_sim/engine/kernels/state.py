@@ -187,7 +187,10 @@ class Constants:
 
 
 class State(NamedTuple):
-    """The tables that the kernels work on. Clock and constants are tables of one row; constants and features do not change."""
+    """The tables that the kernels work on.
+
+    Clock and constants are tables of one row; constants and features do not change.
+    """
 
     balls: Sequence[Ball]
     cells: Sequence[Slot]  # the first ball in each, row by row
