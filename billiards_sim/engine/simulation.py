@@ -34,7 +34,7 @@ from billiards_sim.engine.jit import (
 from billiards_sim.engine.loop import PAUSED, run_until
 from billiards_sim.engine.moment import Mark, Moment, begun_anew, copied, packed, start, unpacked
 from billiards_sim.engine.orientation import turn_all
-from billiards_sim.engine.quantity import listed
+from billiards_sim.engine.quantity import listed, seconds, shown
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.scene_file import save_scene
 from billiards_sim.engine.state import (
@@ -255,8 +255,10 @@ class Simulation:
         """Go back to a state of this simulation or of a copy of it.
 
         Raises:
-            ValueError: the snapshot is of another scene.
+            ValueError: the snapshot is of another scene, or none.
         """
+        if not isinstance(snapshot, Snapshot):
+            raise ValueError(f"a simulation is restored from a Snapshot, got {shown(snapshot)}")
         if snapshot.scene != self._scene:
             raise ValueError("the snapshot is of a simulation of another scene")
         self._now = copied(snapshot.moment)
@@ -360,11 +362,9 @@ class Simulation:
                 milliseconds of work, some tens where the engine is interpreted. None: no bound.
 
         Raises:
-            ValueError: `duration` or `budget` is negative or not finite.
+            ValueError: `duration` or `budget` is negative or no finite number.
         """
-        if not (math.isfinite(duration) and duration >= 0.0):
-            raise ValueError(f"duration must be a finite number >= 0 (s), got {duration!r}")
-        asked, rest = self._now.after(duration)
+        asked, rest = self._now.after(seconds("duration", duration))
         played = self._play(asked, budget)
         self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
         return events
@@ -378,8 +378,8 @@ class Simulation:
         use of it. With a `budget` the call may give way before, as `advance` does.
 
         Raises:
-            ValueError: `until` is not finite or has passed; or, without it, there is no friction to bring the balls
-                to rest; `budget` is negative or not finite.
+            ValueError: `until` is no finite number or has passed; or, without it, there is no friction to bring the
+                balls to rest; `budget` is negative or no finite number.
         """
         if until is None:
             physics = self._scene.physics
@@ -391,9 +391,8 @@ class Simulation:
             self._play(INF, budget, recorder)
             played = False  # no further than the last event
         else:
-            if not (math.isfinite(until) and until >= self.time):
-                raise ValueError(f"until must be a finite time >= now, {self.time:.9g} s, got {until!r}")
-            asked, rest = self._now.at(float(until))
+            end = seconds("until", until, self.time, f"a finite time >= now, {self.time:.9g} s")
+            asked, rest = self._now.at(end)
             played = self._play(asked, budget, recorder)
         self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
         return events
@@ -434,9 +433,7 @@ class Simulation:
 
     def _play(self, until: float, budget: float | None, recorder: Recorder | None = None) -> bool:
         # Up to a time of the kernels' clock, while the budget lasts; returns whether it did. The events wait.
-        if budget is not None and not (math.isfinite(budget) and budget >= 0.0):
-            raise ValueError(f"budget must be a finite number >= 0 (s), got {budget!r}")
-        deadline = INF if budget is None else perf_counter() + budget
+        deadline = INF if budget is None else perf_counter() + seconds("budget", budget)
         tape = None
         if recorder is not None:
             recorder.epoch, tape = self._now.epoch, recorder.tape

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -284,5 +285,8 @@ def _write_mp4(path: Path, frames: Iterator[NDArray[np.uint8]], width: int, heig
     try:
         for frame in frames:
             writer.send(np.ascontiguousarray(frame))
-    finally:
-        writer.close()
+    except BaseException:
+        with suppress(KeyboardInterrupt):
+            writer.throw(KeyboardInterrupt)  # ends ffmpeg before it can complain of a movie that is too short
+        raise
+    writer.close()
