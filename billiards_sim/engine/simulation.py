@@ -283,13 +283,8 @@ class Simulation:
             raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
         index = self._scene.names.index(ball)
         struck = strike(force, offset, self._scene.physics)
+        self._check_rests(index)
         before = self._now.with_log_taken()
-        phase = get_field(before.state.balls, index, "phase")
-        if phase == OFF_TABLE:
-            raise ValueError(f"ball {ball!r} is not in play")
-        if phase != AT_REST:
-            speed = float(np.hypot(*self.velocities[index]))
-            raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
         centre = (self.positions[index] - self._centre).tolist()
         way = self._free_way(index, struck)
         now = begun_anew(before) if self.at_rest else copied(before)
@@ -312,20 +307,9 @@ class Simulation:
             phase=SLIDING,
             reported=ROLLING,
         )
-        event = Record(
-            time=before.time,
-            kind=SHOT,
-            first=index,
-            second=NOBODY,
-            point_x=centre[0] + struck.tip[0],
-            point_y=centre[1] + struck.tip[1],
-            normal_x=struck.direction[0],
-            normal_y=struck.direction[1],
-            impulse=struck.impulse,
-        )
         shot = Shot(force, offset, ball)  # type: ignore[arg-type]
         self._now = now._replace(
-            pending=(*before.pending, table_of(event)),
+            pending=(*before.pending, table_of(_shot_event(before.time, index, centre, struck))),
             last_shot=(before._replace(pending=(), last_shot=None), shot),
         )
 
@@ -417,6 +401,14 @@ class Simulation:
         # (N, 1) s since the anchors.
         return self._now.inner - columns(self._now.state.balls, "time")
 
+    def _check_rests(self, index: int) -> None:
+        name, phase = self._scene.names[index], get_field(self._now.state.balls, index, "phase")
+        if phase == OFF_TABLE:
+            raise ValueError(f"ball {name!r} is not in play")
+        if phase != AT_REST:
+            speed = float(np.hypot(*self.velocities[index]))
+            raise ValueError(f"ball {name!r} must rest to be struck, it moves at {speed:.6g} m/s")
+
     def _free_way(self, index: int, struck: Strike) -> float:
         # Share of the displacement under the cue, 0 to 1, that ends at the first ball or rail in the way.
         diameter = 2.0 * self._scene.physics.radius
@@ -487,6 +479,21 @@ class Simulation:
         # The moment after it, and the events.
         pending = self._now.pending
         return self._now._replace(asked=asked, rest=rest, pending=()), EventLog(_joined(pending), self._scene)
+
+
+def _shot_event(time: float, ball: int, centre: Sequence[float], struck: Strike) -> Record:
+    # `time` of the table; `centre` of the ball when the tip touches it.
+    return Record(
+        time=time,
+        kind=SHOT,
+        first=ball,
+        second=NOBODY,
+        point_x=centre[0] + struck.tip[0],
+        point_y=centre[1] + struck.tip[1],
+        normal_x=struck.direction[0],
+        normal_y=struck.direction[1],
+        impulse=struck.impulse,
+    )
 
 
 def _joined(tables: Sequence[Sequence[Record]]) -> Sequence[Record]:

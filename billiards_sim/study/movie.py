@@ -252,10 +252,9 @@ def _blend(canvas: Pixels, left: int, top: int, cover: Pixels, colour: Pixels) -
     height, width = cover.shape[:2]
     rows = slice(max(0, -top), max(0, min(height, canvas.shape[0] - top)))
     columns = slice(max(0, -left), max(0, min(width, canvas.shape[1] - left)))
-    cover = cover[rows, columns]
-    colour = np.broadcast_to(colour, (height, width, 3))[rows, columns]
+    paint = np.broadcast_to(colour, (height, width, 3))[rows, columns]
     target = canvas[max(0, top) : max(0, top + height), max(0, left) : max(0, left + width)]
-    target += cover * (colour - target)
+    target += cover[rows, columns] * (paint - target)
 
 
 def _bytes(colour: Sequence[float]) -> tuple[int, ...]:
