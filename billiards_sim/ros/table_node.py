@@ -216,7 +216,8 @@ class TableNode(Node):
         if at_rest and not self._settings.publish_clock:
             # Simulated time that went on at rest does not count. No stamp goes back or, lest tf complain, comes twice.
             earliest = 1 + (stamp if rested else self._stamp())
-            self._stamps = messages.Stamps(max(self._now(), earliest), self._simulation.time)
+            due = self._now() - round(self.metronome.late() * messages.NANOSECONDS)
+            self._stamps = messages.Stamps(max(due, earliest), self._simulation.time)
         self._publisher.state(self._simulation, at_rest, self._stamp())
 
     def reset(self) -> str:
