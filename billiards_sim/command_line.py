@@ -53,6 +53,14 @@ class Stopped(Ending):
         super().__init__("stopped")
 
 
+class Interrupt(KeyboardInterrupt):
+    """A signal came, at any instant.
+
+    A subclass, since `python3 -m` ends by SIGINT, whatever has handled the error, once a KeyboardInterrupt itself has
+    passed through `exec`; dataclasses and named tuples are made with it.
+    """
+
+
 class Unheard(Ending):
     """Nobody reads stdout any more."""
 
@@ -101,11 +109,11 @@ def run_to_end(program: str, play: Callable[[], int]) -> int:
 
 
 def interrupt_on_signals() -> None:
-    """Let the first signal of `STOPPING` raise KeyboardInterrupt, so that what is half done is cleared away."""
+    """Let the first signal of `STOPPING` raise `Interrupt`, so that what is half done is cleared away."""
 
     def interrupt(*_: Any) -> NoReturn:
         shut_out_signals()
-        raise KeyboardInterrupt
+        raise Interrupt
 
     for number in STOPPING:
         if signal.getsignal(number) is not signal.SIG_IGN:  # by nohup

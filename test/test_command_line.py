@@ -94,6 +94,21 @@ def test_the_first_signal_interrupts_and_the_next_do_not() -> None:
             signal.signal(number, handler)
 
 
+def test_a_signal_within_exec_leaves_the_exit_code(tmp_path: Path) -> None:
+    (tmp_path / "play.py").write_text(f"""
+import sys
+from billiards_sim.command_line import interrupt_on_signals, run_to_end
+interrupt_on_signals()
+sys.exit(run_to_end("play", lambda: exec("import os; os.kill(os.getpid(), {int(signal.SIGTERM)})")))
+""")
+    path = os.pathsep.join((str(tmp_path), str(Path(billiards_sim.__file__).parents[1])))
+    command = [sys.executable, "-m", "play"]
+    done = subprocess.run(
+        command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "play: stopped\n")
+
+
 def test_say_prints_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     say("one")
     say("two", end="")

@@ -15,6 +15,9 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 LONGEST_SHOWN = 100
 """Characters of a message that show what was given."""
 
@@ -99,6 +102,18 @@ def number(name: str, given: Any) -> float:
     return value
 
 
+def seconds(name: str, given: Any, least: float = 0.0, bound: str = "a finite number >= 0 (s)") -> float:
+    """A time or a duration, s, that is no less than `least`; `bound` says so in words.
+
+    Raises:
+        ValueError: not a number as in `number`, not finite, or less.
+    """
+    value = _as_float(given)
+    if value is None or not (math.isfinite(value) and value >= least):
+        raise ValueError(f"{name} must be {bound}, got {shown(given)}")
+    return value
+
+
 def numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
     """`count` floats from any sequence of real numbers, finite or not.
 
@@ -115,9 +130,26 @@ def numbers(name: str, given: Any, count: int) -> tuple[float, ...]:
     return floats
 
 
+def float_array(given: ArrayLike) -> NDArray[np.float64]:
+    """A copy as an array of floats, finite or not.
+
+    Raises:
+        ValueError: a list of lists that is no array, or not numbers: NumPy would take truth values and texts for some,
+            and leave out the imaginary part of complex ones.
+    """
+    if not (isinstance(given, np.ndarray) and given.dtype.kind in "fiu"):
+        values = np.array(given, dtype=object).ravel().tolist()
+        if not all(isinstance(value, Real) and not isinstance(value, bool) for value in values):
+            raise ValueError(f"not an array of numbers: {shown(given)}")
+    try:
+        return np.array(given, dtype=np.float64)
+    except (TypeError, OverflowError):
+        raise ValueError(f"not an array of numbers: {shown(given)}") from None
+
+
 def shown(given: Any) -> str:
-    """What was given, for a message: its start, where it is long."""
-    text = repr(given)
+    """What was given, for a message, on one line: its start, where it is long."""
+    text = " ".join(repr(given).split())
     return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
 
 

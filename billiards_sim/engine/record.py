@@ -13,7 +13,7 @@ from billiards_sim.engine import machine
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.kernels.orientation import Turns, turn_along, turn_each
 from billiards_sim.engine.moment import inner_time
-from billiards_sim.engine.quantity import listed
+from billiards_sim.engine.quantity import float_array, listed, shown
 from billiards_sim.engine.recorder import Recorder
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
@@ -151,14 +151,19 @@ class Run:
 
     def _arcs(self, times: ArrayLike) -> tuple[Indices, Array]:
         # (T, N) the arcs that the balls are on at times, and (T, N, 1) s since these began.
-        at = np.asarray(times, dtype=np.float64)
+        try:
+            at = float_array(times)
+        except ValueError:
+            raise ValueError(f"times must be numbers of shape (T,), got {shown(times)}") from None
         if at.ndim != 1:
             raise ValueError(f"times must have shape (T,), got {at.shape}")
         outside = ~((at >= self.start) & (at <= self.end))
         if outside.any():
-            raise ValueError(f"times must lie in the run, {self.start:.9g} to {self.end:.9g} s, got {at[outside][0]!r}")
-        at = self._inner(at)
-        found = [self._arcs_of(ball, at) for ball in range(len(self.scene))]
+            raise ValueError(
+                f"times must lie in the run, {self.start:.9g} to {self.end:.9g} s, got {at[outside].item(0)!r}"
+            )
+        inner = self._inner(at)
+        found = [self._arcs_of(ball, inner) for ball in range(len(self.scene))]
         return np.stack([arcs for arcs, _ in found], axis=1), np.stack([ages for _, ages in found], axis=1)
 
     def _inner(self, times: ArrayLike) -> Array:

@@ -6,14 +6,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_sim.engine.physics import SPEED_LIMIT, Physics
-from billiards_sim.engine.quantity import is_text, listed, numbers, shown
+from billiards_sim.engine.quantity import float_array, is_text, listed, numbers, shown
 from billiards_sim.engine.table import Table
 
 OVERLAP_TOLERANCE = 1e-9
@@ -200,8 +199,8 @@ def _rows(
     # `otherwise` is what those have that are not in play.
     count = len(names)
     try:
-        rows = np.zeros((count, width)) if given is None else _floats(given)
-    except (TypeError, ValueError, OverflowError):
+        rows = np.zeros((count, width)) if given is None else float_array(given)
+    except ValueError:
         raise ValueError(f"{key} must be numbers of shape ({count}, {width}), got {shown(given)}") from None
     if rows.shape != (count, width):
         raise ValueError(f"{key} must have shape ({count}, {width}), got {rows.shape}")
@@ -212,15 +211,6 @@ def _rows(
     rows[~in_play] = otherwise
     rows.flags.writeable = False
     return rows
-
-
-def _floats(given: ArrayLike) -> NDArray[np.float64]:
-    # A copy. NumPy would take truth values and texts for numbers, and leave out the imaginary part of complex ones.
-    if not (isinstance(given, np.ndarray) and given.dtype.kind in "fiu"):
-        values = np.array(given, dtype=object).ravel().tolist()
-        if not all(isinstance(value, Real) and not isinstance(value, bool) for value in values):
-            raise ValueError
-    return np.array(given, dtype=np.float64)
 
 
 def _check_speeds(scene: Scene) -> None:

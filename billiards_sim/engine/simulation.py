@@ -25,7 +25,7 @@ from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, IN
 from billiards_sim.engine.kernels.strike import strike
 from billiards_sim.engine.kernels.trajectory import run_followed
 from billiards_sim.engine.moment import LastShot, Mark, Moment, begun_anew, copied, fetched, start, stored
-from billiards_sim.engine.quantity import listed
+from billiards_sim.engine.quantity import listed, seconds, shown
 from billiards_sim.engine.recorder import Recorder, blank_tape
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.scene_file import save_scene
@@ -238,8 +238,10 @@ class Simulation:
         """Go back to a state of this simulation or of a copy of it.
 
         Raises:
-            ValueError: the snapshot is of another scene.
+            ValueError: the snapshot is of another scene, or none.
         """
+        if not isinstance(snapshot, Snapshot):
+            raise ValueError(f"a simulation is restored from a Snapshot, got {shown(snapshot)}")
         if snapshot.scene != self._scene:
             raise ValueError("the snapshot is of a simulation of another scene")
         self._now = copied(snapshot.moment)
@@ -266,12 +268,7 @@ class Simulation:
         blow = cue.checked(force, offset, self._scene.physics)
         before = self._now.with_log_taken()
         balls = before.state.balls
-        phase = get_field(balls, index, "phase")
-        if phase == OFF_TABLE:
-            raise ValueError(f"ball {ball!r} is not in play")
-        if phase != AT_REST:
-            speed = float(np.hypot(*self.velocities[index]))
-            raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
+        self._check_rests(index)
         anew = self.at_rest
         now = begun_anew(before) if anew else copied(before)
         # From where the ball is said to be, whose last bit may be another than that of its centred place.
@@ -316,11 +313,9 @@ class Simulation:
                 milliseconds of work, some tens where the engine is interpreted. None: no bound.
 
         Raises:
-            ValueError: `duration` or `budget` is negative or not finite.
+            ValueError: `duration` or `budget` is negative or no finite number.
         """
-        if not (math.isfinite(duration) and duration >= 0.0):
-            raise ValueError(f"duration must be a finite number >= 0 (s), got {duration!r}")
-        asked, rest = self._now.after(duration)
+        asked, rest = self._now.after(seconds("duration", duration))
         played = self._play(asked, budget)
         self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
         return events
@@ -334,8 +329,8 @@ class Simulation:
         use of it. With a `budget` the call may give way before, as `advance` does.
 
         Raises:
-            ValueError: `until` is not finite or has passed; or, without it, there is no friction to bring the balls
-                to rest; `budget` is negative or not finite.
+            ValueError: `until` is no finite number or has passed; or, without it, there is no friction to bring the
+                balls to rest; `budget` is negative or no finite number.
         """
         if until is None:
             physics = self._scene.physics
@@ -347,9 +342,8 @@ class Simulation:
             self._play(INF, budget, recorder)
             played = False  # no further than the last event
         else:
-            if not (math.isfinite(until) and until >= self.time):
-                raise ValueError(f"until must be a finite time >= now, {self.time:.9g} s, got {until!r}")
-            asked, rest = self._now.at(float(until))
+            end = seconds("until", until, self.time, f"a finite time >= now, {self.time:.9g} s")
+            asked, rest = self._now.at(end)
             played = self._play(asked, budget, recorder)
         self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
         return events
@@ -375,11 +369,17 @@ class Simulation:
         # (N, 1) s since the anchors.
         return self._now.inner - columns(self._now.state.balls, "time")
 
+    def _check_rests(self, index: int) -> None:
+        name, phase = self._scene.names[index], get_field(self._now.state.balls, index, "phase")
+        if phase == OFF_TABLE:
+            raise ValueError(f"ball {name!r} is not in play")
+        if phase != AT_REST:
+            speed = float(np.hypot(*self.velocities[index]))
+            raise ValueError(f"ball {name!r} must rest to be struck, it moves at {speed:.6g} m/s")
+
     def _play(self, until: float, budget: float | None, recorder: Recorder | None = None) -> bool:
         # Up to a time of the kernels' clock, while the budget lasts; returns whether it did. The events wait.
-        if budget is not None and not (math.isfinite(budget) and budget >= 0.0):
-            raise ValueError(f"budget must be a finite number >= 0 (s), got {budget!r}")
-        deadline = INF if budget is None else perf_counter() + budget
+        deadline = INF if budget is None else perf_counter() + seconds("budget", budget)
         if recorder is not None:
             recorder.epoch = self._now.epoch
         while not self._play_batch(until, recorder):

@@ -38,7 +38,7 @@ LENGTH = 4
 """Bytes of the length of a sequence in a serialized message."""
 
 
-Request: TypeAlias = WrenchStamped | PoseArray | MultiDOFJointState
+Request: TypeAlias = "WrenchStamped | PoseArray | MultiDOFJointState"
 """What people ask with."""
 
 

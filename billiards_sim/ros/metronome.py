@@ -34,6 +34,7 @@ class Metronome:
         self._beat = beat
         self._changed = threading.Condition(lock)
         self._period = self._due = math.inf  # s; of the steady clock
+        self._beats_since = math.inf  # s; when the beat under way was due, where that was told by `set_rate`
         self._rung = False
         self.lost = 0.0
         self._stopped = False
@@ -47,6 +48,10 @@ class Metronome:
             self._due = now + period if math.isinf(self._period) else max(self._due - self._period + period, now)
             self._period = period
             self._changed.notify()
+
+    def late(self) -> float:
+        """s since the beat under way was due; 0 where it was rung, and between beats."""
+        return max(time.monotonic() - self._beats_since, 0.0)
 
     def ring(self) -> None:
         """Beat as soon as the lock is free, beside the regular beats."""
@@ -92,5 +97,7 @@ class Metronome:
             return
         left_out = max(now - LONGEST_DELAY - (self._due + self._period), 0.0)
         self.lost += left_out
-        self._due += self._period + left_out
+        self._beats_since = self._due + left_out
+        self._due = self._beats_since + self._period
         self._beat()
+        self._beats_since = math.inf

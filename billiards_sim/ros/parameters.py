@@ -144,9 +144,9 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
     own |= {name: switch(name, given.get(name, default)) for name, (default, _) in SWITCHES.items()}
     own |= {name: frame_name(name, given.get(name, default)) for name, (default, _) in TEXTS.items()}
     scene_name = given.get("scene", DEFAULT_SCENE)
-    loaded = loaded or find_scene(scene_name)
+    start = loaded or find_scene(scene_name)
     if "track_orientation" not in given:
-        own["track_orientation"] = loaded.track_orientation
+        own["track_orientation"] = start.track_orientation
     groups = {}
     for group in GROUPS:
         values = {
@@ -154,15 +154,15 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
             for field, declared in quantities(GROUPS[group]).items()
             if f"{group}.{field}" in given
         }
-        groups[group] = dataclasses.replace(getattr(loaded, group), **values)
+        groups[group] = dataclasses.replace(getattr(start, group), **values)
     try:
-        scene = BUILT_IN[scene_name](**groups) if scene_name in BUILT_IN else dataclasses.replace(loaded, **groups)
+        scene = BUILT_IN[scene_name](**groups) if scene_name in BUILT_IN else dataclasses.replace(start, **groups)
     except ValueError as error:
         raise ValueError(f"scene {scene_name!r} does not fit these physics and table parameters: {error}") from None
     scene = dataclasses.replace(scene, track_orientation=own["track_orientation"])
     if own["publish_tf"] and own["frame_id"] in (own["frame_prefix"] + ball for ball in scene.names):
         raise ValueError(f"the table and a ball cannot both have the frame {own['frame_id']!r}: change frame_id")
-    return Settings(scene, scene_name, **own, given=dict(given), loaded=loaded)
+    return Settings(scene, scene_name, **own, given=dict(given), loaded=start)
 
 
 def change_settings(settings: Settings, changes: Mapping[str, Any]) -> Settings:

@@ -84,9 +84,9 @@ def _without_noise(points: Iterable[Point | Vector3], names: Sequence[str], scen
     radius = scene.physics.radius
     low = np.array([scene.table.x_min, scene.table.y_min]) + radius
     high = np.array([scene.table.x_max, scene.table.y_max]) - radius
-    tolerance = max(tolerance, TOUCHING)  # what comes from the table's own poses may go back
-    _check_rails(positions, low, high, names, tolerance)
-    _check_overlaps(positions, 2.0 * radius, names, tolerance)
+    noise = max(tolerance, TOUCHING)  # what comes from the table's own poses may go back
+    _check_rails(positions, low, high, names, noise)
+    _check_overlaps(positions, 2.0 * radius, names, noise)
     return dict(zip(names, separated(positions, low, high, 2.0 * radius, names)))
 
 

@@ -224,10 +224,10 @@ class StatePublisher:
         self._publish_rest(simulation.at_rest)
 
     def _publish_rest(self, at_rest: bool) -> None:
-        at_rest = at_rest and not len(self._events)
-        if at_rest != self._at_rest:
-            self._at_rest = at_rest
-            self._at_rest_publisher.publish(Bool(data=at_rest))
+        told = at_rest and not len(self._events)
+        if told != self._at_rest:
+            self._at_rest = told
+            self._at_rest_publisher.publish(Bool(data=told))
 
     def _publish_events(self) -> None:
         if len(self._events):

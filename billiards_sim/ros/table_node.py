@@ -131,6 +131,9 @@ class TableNode(Node):
         self._lost_time = 0.0  # s that stamps are behind the clock, and that the log has not told of
         self._lags = False  # whether stamps count simulated time, which may fall behind the clock
         self._stamps_ended = False
+        self._simulation = Simulation(self._scene)
+        self._stamps = messages.Stamps(self._now())
+        self._jumps: Any = None  # rclpy forgets the callback for jumps of the clock with it
         self._followed = FollowedClock()
         self._dropped_events = 0  # of `_publisher.dropped_events`, likewise
 
@@ -170,8 +173,7 @@ class TableNode(Node):
         return self._settings.scene
 
     def start(self) -> None:
-        """Put the scene on the table, start the clock, take shots."""
-        self._simulation = Simulation(self._scene)
+        """Show the table, let stamps begin, take shots."""
         self._stamps = messages.Stamps(self._now())
         self.metronome.set_rate(self._settings.update_rate)
         self._publisher.table(self._stamp())
@@ -214,7 +216,8 @@ class TableNode(Node):
         if at_rest and not self._settings.publish_clock:
             # Simulated time that went on at rest does not count. No stamp goes back or, lest tf complain, comes twice.
             earliest = 1 + (stamp if rested else self._stamp())
-            self._stamps = messages.Stamps(max(self._now(), earliest), self._simulation.time)
+            due = self._now() - round(self.metronome.late() * messages.NANOSECONDS)
+            self._stamps = messages.Stamps(max(due, earliest), self._simulation.time)
         self._publisher.state(self._simulation, at_rest, self._stamp())
 
     def reset(self) -> str:

@@ -65,7 +65,7 @@ def _draw_scene(axes: Axes, name: str, scene: dict[str, Any]) -> None:
             [point["wall"]["median"] - point["wall"]["low"] for point in points],
             [point["wall"]["high"] - point["wall"]["median"] for point in points],
         ]
-        label = {"paper": "paper: its scheme as it stands", "time_step": "time_step: the same, put right"}[solver]
+        label = {"paper": "paper: its scheme as it stands", "time_step": "time_step: the same, corrected"}[solver]
         axes.errorbar(walls, errors, xerr=ranges, marker=marker, markersize=4, color=COLOURS[solver], label=label)
     for key, face, label in (
         ("event", COLOURS["event"], "event: this engine"),

@@ -7,6 +7,7 @@ solver escapes it: double precision rounds the start by 1e-16 m, a camera measur
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -22,7 +23,7 @@ from billiards_sim.study.speed import break_force
 
 APART = 1e-12
 """m, by how much the starts of two runs differ: small enough to grow undisturbed, far above rounding."""
-LAST_BIT = 4.0 * np.finfo(np.float64).eps
+LAST_BIT = 4.0 * sys.float_info.epsilon
 """m, 9e-16: the least change of a coordinate that rounding is sure not to swallow."""
 GOOD = 1e-3
 """m, what a position is wanted to."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -251,10 +252,9 @@ def _blend(canvas: Pixels, left: int, top: int, cover: Pixels, colour: Pixels) -
     height, width = cover.shape[:2]
     rows = slice(max(0, -top), max(0, min(height, canvas.shape[0] - top)))
     columns = slice(max(0, -left), max(0, min(width, canvas.shape[1] - left)))
-    cover = cover[rows, columns]
-    colour = np.broadcast_to(colour, (height, width, 3))[rows, columns]
+    paint = np.broadcast_to(colour, (height, width, 3))[rows, columns]
     target = canvas[max(0, top) : max(0, top + height), max(0, left) : max(0, left + width)]
-    target += cover * (colour - target)
+    target += cover[rows, columns] * (paint - target)
 
 
 def _bytes(colour: Sequence[float]) -> tuple[int, ...]:
@@ -284,5 +284,8 @@ def _write_mp4(path: Path, frames: Iterator[NDArray[np.uint8]], width: int, heig
     try:
         for frame in frames:
             writer.send(np.ascontiguousarray(frame))
-    finally:
-        writer.close()
+    except BaseException:
+        with suppress(KeyboardInterrupt):
+            writer.throw(KeyboardInterrupt)  # ends ffmpeg before it can complain of a movie that is too short
+        raise
+    writer.close()

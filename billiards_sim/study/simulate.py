@@ -55,7 +55,7 @@ def _parser() -> Parser:
         "--solver",
         choices=SOLVERS,
         default="event",
-        help="event: exact, the default; time_step: the paper's scheme put right; paper: as it is, and needs --until",
+        help="event: exact, the default; time_step: the paper's scheme corrected; paper: as printed, needs --until",
     )
     parser.add_argument(
         "--time-step",

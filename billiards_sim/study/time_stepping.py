@@ -4,7 +4,7 @@
 `SOLVERS` makes a solver from a scene and a time step:
 
 - `event`: the engine. Exact; the time step is not used.
-- `time_step`: the paper's scheme with friction, the step to a collision and the clock put right. First order.
+- `time_step`: the paper's scheme with friction, the step to a collision and the clock corrected. First order.
 - `paper`: the scheme of sections 2.2 to 2.4 as the paper's program computes it. It does not converge.
 
 The scheme: move all balls by one time step, friction constant (equations 13 to 27). Look for balls and rails that
@@ -15,15 +15,15 @@ What is wrong in the paper; "mistake 3" in a comment below is the third of these
 
 | | mistake | `paper` | `time_step` |
 |---|---|---|---|
-| 1 | balls count as rolling while they slip | kept | put right |
-| 2 | rolling friction acts against the slip, so it never brings a ball to rest | kept | put right |
-| 3 | the step to a collision has the ball touch the cloth with its top | kept | put right |
+| 1 | balls count as rolling while they slip | kept | corrected |
+| 2 | rolling friction acts against the slip, so it never brings a ball to rest | kept | corrected |
+| 3 | the step to a collision has the ball touch the cloth with its top | kept | corrected |
 | 4 | the printed moment of inertia is 1000 times too large | right in its program | right |
 | 5 | collisions are looked for at the end of a step only | kept | kept |
 | 6 | collisions may follow each other without end, or lie in the past | kept | none in the past |
 | 7 | the cue's offset is right along +x only | the engine's cue | the engine's cue |
 | 8 | random balls start inside each other and the rails | refused by `Scene` | refused by `Scene` |
-| 9 | the first step is not counted | kept | put right |
+| 9 | the first step is not counted | kept | corrected |
 
 Where 5 or 6 leave the scheme without a next step, both end in a `SchemeError`.
 """
@@ -48,6 +48,9 @@ Array = NDArray[np.float64]
 
 TIME_STEP = 0.01
 """s. The default; a ball at 5 m/s moves nearly its diameter in one."""
+
+LONGEST_STEP = 1.0
+"""s. In one of these a shot is half over; where numbers overflow is far beyond."""
 
 ROLLING_MARGIN = 0.01
 """m/s. Mistake 1: in the paper a ball rolls once |slip| - R|w| is less (equation 27)."""
@@ -133,14 +136,14 @@ class SteppedSolver(ABC):
         time_step: s.
 
     Raises:
-        ValueError: `time_step` is not finite or not > 0; a ball is not in play.
+        ValueError: `time_step` is not > 0 or above `LONGEST_STEP`; a ball is not in play.
 
     Its events are shots and collisions; ends of slip and of motion are not among them.
     """
 
     def __init__(self, scene: Scene, time_step: float = TIME_STEP) -> None:
-        if not (math.isfinite(time_step) and time_step > 0.0):
-            raise ValueError(f"time_step must be a finite number > 0 (s), got {time_step!r}")
+        if not 0.0 < time_step <= LONGEST_STEP:
+            raise ValueError(f"time_step must be a number > 0, <= {LONGEST_STEP:g} (s), got {time_step!r}")
         if not scene.in_play.all():
             off = scene.names[int(np.argmin(scene.in_play))]
             raise ValueError(f"the stepped solvers take scenes with every ball in play; ball {off!r} is not")
@@ -457,7 +460,7 @@ class PaperSolver(SteppedSolver):
 
 
 class TimeStepSolver(SteppedSolver):
-    """The paper's scheme with friction, the step to a collision and the clock put right.
+    """The paper's scheme with friction, the step to a collision and the clock corrected.
 
     A ball rolls through a step in which sliding friction can end its slip, and rests when rolling friction can stop
     it within the step. `run(until)` shortens its last step to end at that time.

@@ -51,7 +51,7 @@ def topspin(directions: NDArray[np.float64], spin: float | NDArray[np.float64]) 
 
 
 def towards(places: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2) unit directions to a target; 0 for who is there."""
+    """(N, 2) unit directions to a target; 0 for a ball that is there."""
     way = target - places
     distance = np.hypot(way[:, 0], way[:, 1])[:, np.newaxis]
     return np.divide(way, distance, out=np.zeros_like(way), where=distance > 0.0)

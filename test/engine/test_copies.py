@@ -69,6 +69,12 @@ def test_copies_of_a_snapshot_are_restored(copied: Callable[[Any], Any]) -> None
     copied(simulation).restore(snapshot)
 
 
+@pytest.mark.parametrize("other", [None, 3, bs.scenes.head_on()])
+def test_only_snapshots_are_restored(other: Any) -> None:
+    with pytest.raises(ValueError, match="restored from a Snapshot, got .*"):
+        midway().restore(other)
+
+
 @pytest.mark.parametrize("copied", COPIES)
 def test_copies_of_a_scene_are_equal_and_cannot_be_written_to(copied: Callable[[Any], Any]) -> None:
     scene = random_scene(1)

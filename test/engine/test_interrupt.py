@@ -287,8 +287,8 @@ def test_a_call_with_time_enough_does_not_give_way() -> None:
     assert bounded.at_rest
 
 
-@pytest.mark.parametrize("budget", [-1e-9, float("nan"), float("inf")])
-def test_bad_budget_is_refused(budget: float) -> None:
+@pytest.mark.parametrize("budget", [-1e-9, float("nan"), float("inf"), True, "1", 1j])
+def test_bad_budget_is_refused(budget: Any) -> None:
     simulation = bs.Simulation(bs.scenes.head_on())
     for call in (lambda: simulation.advance(0.1, budget=budget), lambda: simulation.run(budget=budget)):
         with pytest.raises(ValueError, match="budget must be a finite number >= 0"):

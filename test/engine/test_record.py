@@ -216,6 +216,13 @@ def test_times_of_another_shape_are_refused(bad: Any) -> None:
         run.positions(bad)
 
 
+@pytest.mark.parametrize("bad", [[True], ["1"], [1j], [[0.5], [0.5, 1.0]], "1"])
+def test_times_that_are_no_numbers_are_refused(bad: Any) -> None:
+    run = bs.record(bs.Simulation(bs.scenes.head_on()), until=2.0)
+    with pytest.raises(ValueError, match=r"times must be numbers of shape \(T,\), got .*\Z"):
+        run.positions(bad)
+
+
 def test_a_path_of_nobody_is_refused() -> None:
     run = bs.record(bs.Simulation(bs.scenes.head_on()), until=2.0)
     with pytest.raises(ValueError, match="no ball is named '2'; the balls are cue, 1"):

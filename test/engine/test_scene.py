@@ -28,6 +28,7 @@ GOOD = [[0.5, 0.5], [1.0, 0.5]]
         ({"positions": np.array([[0.5 + 1j, 0.5]])}, r"positions must be numbers of shape \(1, 2\)"),
         ({"positions": np.array([[True, True]])}, r"positions must be numbers of shape \(1, 2\)"),
         ({"positions": np.array([["0.5", "0.5"]])}, r"positions must be numbers of shape \(1, 2\)"),
+        ({"positions": np.array([["0.5", "0.5"], ["1", "0.5"]])}, r"got array\(\[\['0.5', '0.5'\], \['1', '0.5'\]\]"),
         ({"positions": [[0.5, 0.5], [1.0]]}, r"positions must be numbers of shape \(2, 2\)"),
         ({"positions": [[10**400, 0.5]]}, r"positions must be numbers of shape \(1, 2\)"),
         ({"positions": [[0.5, math.nan]]}, "positions of ball 'cue' must be finite.*nan"),

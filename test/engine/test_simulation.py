@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,16 +73,19 @@ def test_clock_stops_where_it_is_told() -> None:
     assert simulation.time == events[-1].time + 1e6
 
 
-@pytest.mark.parametrize("duration", [-1e-9, math.nan, math.inf])
-def test_bad_duration_is_refused(duration: float) -> None:
+NO_NUMBERS = (True, "1", 1j, np.array([1.0]))
+
+
+@pytest.mark.parametrize("duration", [-1e-9, math.nan, math.inf, None, *NO_NUMBERS])
+def test_bad_duration_is_refused(duration: Any) -> None:
     simulation = bs.Simulation(bs.scenes.head_on())
     with pytest.raises(ValueError, match="duration must be"):
         simulation.advance(duration)
     assert simulation.time == 0.0
 
 
-@pytest.mark.parametrize("until", [0.4, math.nan, math.inf])
-def test_bad_until_is_refused(until: float) -> None:
+@pytest.mark.parametrize("until", [0.4, math.nan, math.inf, *NO_NUMBERS])
+def test_bad_until_is_refused(until: Any) -> None:
     simulation = bs.Simulation(bs.scenes.head_on())
     simulation.advance(0.5)
     with pytest.raises(ValueError, match="until must be a finite time >= now, 0.5 s"):

@@ -124,6 +124,23 @@ def test_a_ring_is_a_beat_beside_the_others(rehearsal: Rehearsal) -> None:
     assert rehearsal.beats == pytest.approx([100.25, 101.0, 102.0], abs=2.0 * metronome.BREATH)
 
 
+def test_a_beat_knows_how_late_it_is(rehearsal: Rehearsal) -> None:
+    late: list[float] = []
+    rehearsal.metronome._beat = lambda: late.append(rehearsal.metronome.late())
+    rehearsal.metronome.set_rate(10.0)
+    rehearsal.play(100.105)
+    rehearsal.now += 0.105  # two beats later, of which one was due before
+    rehearsal.play(100.25)
+    rehearsal.metronome.ring()
+    rehearsal.play(100.26)
+    rehearsal.now += 60.0  # a long delay is not made up for: the beats that are left out do not count
+    rehearsal.play(160.27)
+    on_time, delayed, rung, left_out = late[0], late[1], late[2], late[3]
+    assert (on_time, delayed, rung) == pytest.approx((0.0, 0.01, 0.0), abs=2.0 * metronome.BREATH)
+    assert left_out <= metronome.LONGEST_DELAY + 0.1 + 2.0 * metronome.BREATH
+    assert rehearsal.metronome.late() == 0.0
+
+
 def test_a_ring_wakes_a_metronome_that_sleeps() -> None:
     count = Counter(2)
     one = Metronome(count, threading.RLock())

@@ -201,7 +201,14 @@ def test_a_camera_that_misses_balls_takes_them_off_the_table(site: Site) -> None
     assert {ball for event in client.collisions for ball in event["balls"]} == {"cue", "9"}
 
     assert client.set_balls(states({"9": (1.5, 0.6)}))["accepted"]
-    assert "cue" in client.shoot(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))["reason"]
+    for ask in (client.shoot, client.preview):
+        verdict = ask(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))
+        assert (verdict["accepted"], verdict["reason"]) == (False, "ball 'cue' is not in play")
+    answer = client.place(client.fresh_poses()[-1])  # those under the table have no place on it
+    assert (answer["accepted"], answer["reason"][:12]) == (False, "ball 'cue' r")
+    assert client.fresh_state().joint_names == ["9"]
+    assert client.set_parameters_atomically(**{"physics.mass": 0.17}).successful
+    assert client.fresh_state().joint_names == ["9"]
     assert client.reset().success
     assert client.fresh_state().joint_names == list(start.names)
 

@@ -11,8 +11,9 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import PoseArray, VelocityStamped
+from geometry_msgs.msg import PoseArray, Transform, Vector3, VelocityStamped
 from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
@@ -204,3 +205,19 @@ def test_twists_of_a_ball_come_every_tick_while_it_moves_and_once_when_it_rests(
     table.advance(0.01)
     table.advance(0.01)
     assert ears.names == ["cue"] * moving  # the last with velocity 0
+
+
+def test_a_ball_off_the_table_has_no_twist(table: TableNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    ears = Ears()
+    monkeypatch.setattr(table._publisher, "_twists_publisher", ears)
+    transforms = [Transform(translation=Vector3(x=x, y=0.5)) for x in (0.5, 1.5)]
+    table._on_set_balls(MultiDOFJointState(joint_names=["cue", "9"], transforms=transforms))
+    ears.names.clear()
+    for _ in range(101):
+        table.advance(0.01)
+    assert sorted(set(ears.names)) == ["9", "cue"]
+    ears.names.clear()
+    table._on_cue_shot(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))
+    while not table.simulation.at_rest:
+        table.advance(0.01)
+    assert sorted(set(ears.names)) == ["9", "cue"]

@@ -65,6 +65,19 @@ def test_stamps_count_simulated_time_from_a_shot_on_and_return_to_the_clock(wall
     assert tick(table, wall) == wall.now
 
 
+def test_a_tick_at_rest_has_the_stamp_at_which_it_was_due(
+    wall: Wall, table: TableNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(table.metronome, "late", lambda: 0.006)
+    stamps = [tick(table, wall) for _ in range(3)]
+    assert stamps[-1] == wall.now - 6 * MS
+    table._on_cue_shot(SOFT)
+    monkeypatch.setattr(table.metronome, "late", lambda: 0.0)
+    stamps += [tick(table, wall) for _ in range(20)]
+    assert np.abs(np.diff(stamps) - 10 * MS).max() <= 1
+    assert stamps[-1] <= wall.now  # a shot is not ahead of the clock because the tick before it was late
+
+
 @pytest.fixture
 def event_stamps(table: TableNode, monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, int]]:
     """Time, s, and stamp of each event that is to go out."""

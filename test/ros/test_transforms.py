@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import rclpy
 from conftest import Site
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from sensor_msgs.msg import MultiDOFJointState
 
 from billiards_sim.ros.table_node import TableNode
 from billiards_sim.ros.transforms import BallFrames, tf_message_type
@@ -85,9 +86,9 @@ def test_without_tf2_msgs_a_table_that_should_publish_frames_goes_on_without(sit
     assert client.node.count_publishers("/tf") == 0
 
 
-def test_frames_go_out_every_tick_while_somebody_listens(
-    make_node: Callable[..., TableNode], monkeypatch: pytest.MonkeyPatch, tf2_msgs: None
-) -> None:
+@pytest.fixture
+def publisher(monkeypatch: pytest.MonkeyPatch, tf2_msgs: None) -> Publisher:
+    """Of /tf, of the tables that are made."""
     publisher = Publisher()
     create = TableNode.create_publisher
 
@@ -96,6 +97,12 @@ def test_frames_go_out_every_tick_while_somebody_listens(
 
     monkeypatch.setattr(TableNode, "create_publisher", create_publisher)
     monkeypatch.setattr(TableNode, "destroy_publisher", lambda *_: True)
+    return publisher
+
+
+def test_frames_go_out_every_tick_while_somebody_listens(
+    make_node: Callable[..., TableNode], publisher: Publisher
+) -> None:
     node = make_node("scene:=head_on", "publish_tf:=true")
     node.start()
     node.advance(0.25)
@@ -115,3 +122,20 @@ def test_frames_go_out_every_tick_while_somebody_listens(
     assert node.set_parameters_atomically([rclpy.Parameter("publish_tf", value=True)]).successful
     node.advance(0.25)
     assert len(publisher.sent) == 2
+
+
+def test_a_ball_off_the_table_has_no_frame(make_node: Callable[..., TableNode], publisher: Publisher) -> None:
+    node = make_node("publish_tf:=true", "frame_prefix:=left/")
+    node.start()
+    radius = node.simulation.start_scene.physics.radius
+    node._on_set_balls(
+        MultiDOFJointState(
+            joint_names=["9", "cue"],
+            transforms=[Transform(translation=Vector3(x=x, y=0.5)) for x in (1.5, 0.5)],
+        )
+    )
+    node.advance(0.01)
+    assert publisher.sent[-1] == {"left/cue": (0.5, 0.5, radius), "left/9": (1.5, 0.5, radius)}
+    node.reset()
+    node.advance(0.01)
+    assert [*publisher.sent[-1]] == ["left/" + name for name in node.simulation.start_scene.names]

@@ -288,8 +288,14 @@ def test_progress_is_shown_on_a_terminal_only(tmp_path: Path, terminal: bool) ->
 
 @pytest.mark.parametrize("ending", [".gif", ".mp4"])
 @pytest.mark.parametrize("there", [False, True])
+@pytest.mark.parametrize("frames", [1, 5])
 def test_an_interrupted_movie_leaves_what_was_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], ending: str, there: bool
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    ending: str,
+    there: bool,
+    frames: int,
 ) -> None:
     path = tmp_path / f"shot{ending}"
     if there:
@@ -298,7 +304,7 @@ def test_an_interrupted_movie_leaves_what_was_there(
 
     def interrupted(self: Painter, pose: Pose) -> NDArray[np.uint8]:
         painted.append(pose.time)
-        if len(painted) == 5:
+        if len(painted) == frames:
             os.kill(os.getpid(), signal.SIGTERM)
         return frame(self, pose)
 
@@ -309,8 +315,8 @@ def test_an_interrupted_movie_leaves_what_was_there(
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    assert capsys.readouterr().err == "simulate: stopped\n"
-    assert len(painted) == 5
+    assert capfd.readouterr().err == "simulate: stopped\n"
+    assert len(painted) == frames
     assert os.listdir(tmp_path) == ([path.name] if there else [])
     if there:
         assert path.read_bytes() == b"before"

@@ -122,9 +122,9 @@ def _turn_to(turn: Turn, time: float) -> None:
     end_x = turn.wx + turn.alpha_x * duration
     end_y = turn.wy + turn.alpha_y * duration
     rate = math.sqrt(max(turn.wx * turn.wx + turn.wy * turn.wy, end_x * end_x + end_y * end_y) + turn.wz * turn.wz)
-    rate_of_rate = math.sqrt(turn.alpha_x * turn.alpha_x + turn.alpha_y * turn.alpha_y)
+    angular_acceleration = math.sqrt(turn.alpha_x * turn.alpha_x + turn.alpha_y * turn.alpha_y)
     steps = 1
-    if cross > PARALLEL_ROUNDING * rate * rate_of_rate:
+    if cross > PARALLEL_ROUNDING * rate * angular_acceleration:
         steps = 1 + int(rate * duration / MOST_TURN)
     h = duration / steps
     twist = h * h * h / 12.0
