@@ -14,7 +14,7 @@ from .feature import normal_of
 from .island import gather_island
 from .kernel import kernel
 from .motion import GRIP, anchor, mark, mobility, roll_off, slip
-from .state import AT_REST, ROLLING, SLIDING, Ball, Constants, Contact, State
+from .state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants, Contact, State
 
 MIN_STEP = 1e-8
 """s. A slip that friction ends within this time has ended."""
@@ -25,11 +25,9 @@ MIN_DISTANCE = 1e-12
 SPEED_TOLERANCE = 1e-15
 """m/s. Accuracy of the velocities when motion along the normals is taken out."""
 
-PLAIN_SWEEPS = 32
-"""Sweeps until which pushes and kicks are not relaxed: most islands are solved by then."""
-
-OVER_RELAXATION = 1.6
-"""Of pushes and kicks in later sweeps: a long chain needs a third of the sweeps."""
+LEAST_EFFECT = 1e-6
+"""Of the squares of kicks, what they do to the balls. Kicks that cancel each other further would have to be a thousand
+times the speed they stop: a ball that slides through a gap between a rail and a resting ball would end there."""
 
 MAX_ITERATIONS = 1000
 """Bound on the sweeps over the contacts; chains of 16 balls need about 300."""
@@ -70,7 +68,7 @@ def settle_velocities(state: State, constants: Constants, contacts: int, count: 
     """
     stopping = True
     while stopping:
-        _stop_normal_motion(state, constants, contacts)
+        _stop_normal_motion(state, constants, contacts, count)
         stopping = False
         for k in range(count):
             if _end_micro_motion(state.balls[state.members[k].ball], constants):
@@ -78,29 +76,68 @@ def settle_velocities(state: State, constants: Constants, contacts: int, count: 
 
 
 @kernel
-def _stop_normal_motion(state: State, constants: Constants, contacts: int) -> None:
-    # Sweeps over the contacts of an island until none has a velocity along its normal.
-    balls = state.balls
-    for sweep in range(MAX_ITERATIONS):
+def _stop_normal_motion(state: State, constants: Constants, contacts: int, count: int) -> None:
+    # The smallest kicks along the normals of an island that leave no velocity along any of them, by conjugate
+    # gradients: sweeps from contact to contact take thousands where balls in a lattice nearly block each other.
+    before = INF
+    for _ in range(MAX_ITERATIONS):
         state.clock[0].work += contacts
-        relaxation = 1.0 if sweep < PLAIN_SWEEPS else OVER_RELAXATION
-        worst = 0.0
-        for c in range(contacts):
-            contact = state.contacts[c]
-            first = balls[contact.first]
-            nx, ny = contact.normal_x, contact.normal_y
-            speed = opening_speed(state, contact)
-            total = mobility(first.phase)
-            if contact.second >= 0:
-                total += mobility(balls[contact.second].phase)
-            if total > 0.0:
-                kick = -relaxation * speed / total
-                _kick(first, kick * nx, kick * ny, constants.radius)
-                if contact.second >= 0:
-                    _kick(balls[contact.second], -kick * nx, -kick * ny, constants.radius)
-                worst = max(worst, abs(speed))
+        worst, square = _find_speeds(state, contacts)
         if worst <= SPEED_TOLERANCE:
             return
+        part = _search(state, contacts, count, square / before)
+        if part == 0.0:
+            return
+        before = square
+        for k in range(count):
+            ball = state.balls[state.members[k].ball]
+            _kick(ball, part * ball.push_x, part * ball.push_y, constants.radius)
+
+
+@kernel
+def _find_speeds(state: State, contacts: int) -> tuple[float, float]:
+    # At which the contacts of an island open that a kick can change; returns the largest, and the sum of the squares.
+    worst = 0.0
+    square = 0.0
+    for c in range(contacts):
+        contact = state.contacts[c]
+        total = mobility(state.balls[contact.first].phase)
+        if contact.second >= 0:
+            total += mobility(state.balls[contact.second].phase)
+        contact.speed = opening_speed(state, contact) if total > 0.0 else 0.0
+        worst = max(worst, abs(contact.speed))
+        square += contact.speed * contact.speed
+    return worst, square
+
+
+@kernel
+def _search(state: State, contacts: int, count: int, keep: float) -> float:
+    # The next search direction, with so much of the one before kept, as kicks of the contacts and of the balls. Returns
+    # how far to go along it, to where the velocities along the normals are least; 0 where its kicks cancel each other.
+    balls = state.balls
+    for k in range(count):
+        ball = balls[state.members[k].ball]
+        ball.push_x = 0.0
+        ball.push_y = 0.0
+    gain = 0.0
+    kicks = 0.0
+    for c in range(contacts):
+        contact = state.contacts[c]
+        contact.kick = keep * contact.kick - contact.speed
+        gain -= contact.kick * contact.speed
+        kicks += contact.kick * contact.kick
+        first = balls[contact.first]
+        first.push_x += contact.kick * contact.normal_x
+        first.push_y += contact.kick * contact.normal_y
+        if contact.second >= 0:
+            second = balls[contact.second]
+            second.push_x -= contact.kick * contact.normal_x
+            second.push_y -= contact.kick * contact.normal_y
+    cost = 0.0
+    for k in range(count):
+        ball = balls[state.members[k].ball]
+        cost += mobility(ball.phase) * (ball.push_x * ball.push_x + ball.push_y * ball.push_y)
+    return gain / cost if cost > LEAST_EFFECT * kicks else 0.0
 
 
 @kernel
