@@ -79,25 +79,6 @@ PUSH_TOLERANCE = 1e-11
 GAP_TOLERANCE = 1e-16
 """m. Or what a push does to a gap within a step, where that is coarser: rounding of a separation."""
 
-<<<<<<< HEAD:billiards_sim/engine/kernels/press.py
-=======
-SPEED_TOLERANCE = 1e-15
-"""m/s. Accuracy of the velocities when motion along the normals is taken out."""
-
-LEAST_EFFECT = 1e-6
-"""Of the squares of kicks, what they do to the balls. Kicks that cancel each other further would have to be a thousand
-times the speed they stop: a ball that slides through a gap between a rail and a resting ball would end there."""
-
-PLAIN_SWEEPS = 32
-"""Sweeps until which pushes are not relaxed: most islands are solved by then."""
-
-OVER_RELAXATION = 1.6
-"""Of pushes in later sweeps: a long chain needs a third of the sweeps."""
-
-MAX_ITERATIONS = 1000
-"""Bound on the sweeps over the contacts; chains of 16 balls need about 300."""
-
->>>>>>> main:billiards_sim/engine/contact.py
 
 @kernel
 def update_contacts(state: State, constants: Constants, i: int, now: float) -> None:
@@ -114,7 +95,6 @@ def update_contacts(state: State, constants: Constants, i: int, now: float) -> N
         if not _stop_reversing_balls(state, constants, contacts, count):
             step = _solve_step(state, constants, contacts, count)
     for k in range(count):
-<<<<<<< HEAD:billiards_sim/engine/kernels/press.py
         ball = balls[state.members[k].ball]
         ball.phase_end = now + step
         if ball.phase == AT_REST:
@@ -126,183 +106,6 @@ def update_contacts(state: State, constants: Constants, i: int, now: float) -> N
         # One that closes at first and opens within the step lasts for the step.
         if state.contacts[c].push <= PUSH_TOLERANCE and not state.contacts[c].closes:
             release(state, c)
-=======
-        member = state.members[k].ball
-        mark(state, member)
-        anchor(balls[member], now)
-        balls[member].phase_end = now
-        _end_micro_slip(balls[member], constants)
-    _set_normals(state, contacts, 0.0)
-    _settle_velocities(state, constants, contacts, count)
-
-
-@kernel
-def _settle_velocities(state: State, constants: Constants, contacts: int, count: int) -> None:
-    # A ball that stops does not yield any more, and its neighbours must not close on it.
-    stopping = True
-    while stopping:
-        _stop_normal_motion(state, constants, contacts, count)
-        stopping = False
-        for k in range(count):
-            if _end_micro_motion(state.balls[state.members[k].ball], constants):
-                stopping = True
-
-
-@kernel
-def _stop_normal_motion(state: State, constants: Constants, contacts: int, count: int) -> None:
-    # The smallest kicks along the normals of an island that leave no velocity along any of them, by conjugate
-    # gradients: sweeps from contact to contact take thousands where balls in a lattice nearly block each other.
-    before = INF
-    for _ in range(MAX_ITERATIONS):
-        state.clock[0].work += contacts
-        worst, square = _find_speeds(state, contacts)
-        if worst <= SPEED_TOLERANCE:
-            return
-        part = _search(state, contacts, count, square / before)
-        if part == 0.0:
-            return
-        before = square
-        for k in range(count):
-            ball = state.balls[state.members[k].ball]
-            _kick(ball, part * ball.push_x, part * ball.push_y, constants.radius)
-
-
-@kernel
-def _find_speeds(state: State, contacts: int) -> tuple[float, float]:
-    # At which the contacts of an island open that a kick can change; returns the largest, and the sum of the squares.
-    worst = 0.0
-    square = 0.0
-    for c in range(contacts):
-        contact = state.contacts[c]
-        give = _yield_to_kick(state.balls[contact.first])
-        if contact.second >= 0:
-            give += _yield_to_kick(state.balls[contact.second])
-        contact.speed = _opening_speed(state, contact) if give > 0.0 else 0.0
-        worst = max(worst, abs(contact.speed))
-        square += contact.speed * contact.speed
-    return worst, square
-
-
-@kernel
-def _search(state: State, contacts: int, count: int, keep: float) -> float:
-    # The next search direction, with so much of the one before kept, as kicks of the contacts and of the balls. Returns
-    # how far to go along it, to where the velocities along the normals are least; 0 where its kicks cancel each other.
-    balls = state.balls
-    for k in range(count):
-        ball = balls[state.members[k].ball]
-        ball.push_x = 0.0
-        ball.push_y = 0.0
-    gain = 0.0
-    kicks = 0.0
-    for c in range(contacts):
-        contact = state.contacts[c]
-        contact.kick = keep * contact.kick - contact.speed
-        gain -= contact.kick * contact.speed
-        kicks += contact.kick * contact.kick
-        first = balls[contact.first]
-        first.push_x += contact.kick * contact.normal_x
-        first.push_y += contact.kick * contact.normal_y
-        if contact.second >= 0:
-            second = balls[contact.second]
-            second.push_x -= contact.kick * contact.normal_x
-            second.push_y -= contact.kick * contact.normal_y
-    cost = 0.0
-    for k in range(count):
-        ball = balls[state.members[k].ball]
-        cost += _yield_to_kick(ball) * (ball.push_x * ball.push_x + ball.push_y * ball.push_y)
-    return gain / cost if cost > LEAST_EFFECT * kicks else 0.0
-
-
-@kernel
-def _opening_speed(state: State, contact: Contact) -> float:
-    # Along the normal, m/s.
-    first = state.balls[contact.first]
-    speed = first.vx * contact.normal_x + first.vy * contact.normal_y
-    if contact.second >= 0:
-        second = state.balls[contact.second]
-        speed -= second.vx * contact.normal_x + second.vy * contact.normal_y
-    return speed
-
-
-@kernel
-def _end_micro_slip(ball: Ball, constants: Constants) -> None:
-    # A slip that friction ends within MIN_STEP.
-    ux, uy = slip(ball, constants.radius)
-    if ball.phase == SLIDING and math.sqrt(ux * ux + uy * uy) <= 3.5 * constants.sliding * MIN_STEP:
-        roll_off(ball, constants.radius)
-        ball.phase = ROLLING
-
-
-@kernel
-def _end_micro_motion(ball: Ball, constants: Constants) -> bool:
-    # A roll that has stopped, or is ending and would go no further than MIN_WAY; returns whether the ball had any
-    # velocity left. The acceleration stays: it tells what pushes the ball.
-    square = ball.vx * ball.vx + ball.vy * ball.vy
-    ending = ball.ax * ball.vx + ball.ay * ball.vy <= 0.0
-    stopped = square <= constants.rest_speed * constants.rest_speed
-    ending = ending and square <= 2.0 * constants.rolling * _least_way(ball)
-    if not (ball.phase == ROLLING and (stopped or ending)):
-        return False
-    _stop(ball)
-    return square > 0.0
-
-
-@kernel
-def _least_way(ball: Ball) -> float:
-    # A ball in contact that rolls no further than this, m, rests.
-    return MIN_WAY * leniency(ball.bounces)
-
-
-@kernel
-def _stop(ball: Ball) -> None:
-    ball.phase = AT_REST
-    ball.vx = 0.0
-    ball.vy = 0.0
-    ball.wx = 0.0
-    ball.wy = 0.0
-
-
-@kernel
-def _yield_to_kick(ball: Ball) -> float:
-    # Change of velocity by a unit impulse per mass, on the average over fine bounces.
-    if ball.phase == SLIDING:
-        return 1.0
-    return 5.0 / 7.0 if ball.phase == ROLLING else 0.0
-
-
-@kernel
-def _kick(ball: Ball, jx: float, jy: float, radius: float) -> None:
-    give = _yield_to_kick(ball)
-    ball.vx += give * jx
-    ball.vy += give * jy
-    if ball.phase == ROLLING:  # a slip that is too small to count stays what it is, else energy could rise
-        ball.wx -= give * jy / radius
-        ball.wy += give * jx / radius
-
-
-@kernel
-def _set_normals(state: State, contacts: int, ahead: float) -> None:
-    # `ahead` seconds along the present arcs.
-    for c in range(contacts):
-        contact = state.contacts[c]
-        if contact.second >= 0:
-            qx, qy = _separation(state, contact, ahead)
-            distance = math.sqrt(qx * qx + qy * qy)
-            contact.normal_x = qx / distance
-            contact.normal_y = qy / distance
-        else:
-            contact.normal_x, contact.normal_y = normal_of_rail(-1 - contact.second)
-
-
-@kernel
-def _separation(state: State, contact: Contact, ahead: float) -> tuple[float, float]:
-    first = state.balls[contact.first]
-    second = state.balls[contact.second]
-    return (
-        first.x - second.x + (first.vx - second.vx + 0.5 * (first.ax - second.ax) * ahead) * ahead,
-        first.y - second.y + (first.vy - second.vy + 0.5 * (first.ay - second.ay) * ahead) * ahead,
-    )
->>>>>>> main:billiards_sim/engine/contact.py
 
 
 @kernel
@@ -423,18 +226,10 @@ def _separation_change(state: State, constants: Constants, contact: Contact, ste
     nx, ny = contact.normal_x, contact.normal_y
     if contact.second < 0:
         opening = first.vx * nx + first.vy * ny + 0.5 * (first.ax * nx + first.ay * ny) * step
-<<<<<<< HEAD:billiards_sim/engine/kernels/press.py
         overlap = overlap_with(state, -1 - contact.second, first.x, first.y) if first.phase != AT_REST else 0.0
         return opening * step, overlap
     qx, qy = separation(state, contact, 0.0)
     ex, ey = separation(state, contact, step)
-=======
-        limit = constants.limit_x if nx != 0.0 else constants.limit_y
-        overlap = -limit - first.x * nx - first.y * ny if first.phase != AT_REST else 0.0
-        return opening * step, overlap
-    qx, qy = _separation(state, contact, 0.0)
-    ex, ey = _separation(state, contact, step)
->>>>>>> main:billiards_sim/engine/contact.py
     distance = math.sqrt(qx * qx + qy * qy)
     # |e| - |q| without cancellation
     change = (ex - qx) * (ex + qx) + (ey - qy) * (ey + qy)

@@ -83,16 +83,9 @@ class Ball:
     feature_time: float = 0.0  # s, when it meets a feature at the earliest
     feature: int = 0  # that feature
     border_time: float = 0.0  # s, when it leaves its cell
-<<<<<<< HEAD:billiards_sim/engine/kernels/state.py
     border: int = 0  # on which side
     held_at: int = 0  # bit k: in sustained contact with feature k
-    push_x: float = 0.0  # m/s^2, push of its sustained contacts per mass
-=======
-    border: int = 0  # code, on the side of which rail
-    held_x: bool = False  # whether a sustained contact is with a rail at x_min or x_max
-    held_y: bool = False
     push_x: float = 0.0  # m/s^2, push of its sustained contacts per mass; of their kicks, m/s, while those are sought
->>>>>>> main:billiards_sim/engine/state.py
     push_y: float = 0.0
     dir_x: float = 0.0  # unit direction that friction opposes while in sustained contact
     dir_y: float = 0.0
