@@ -1,22 +1,94 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Machine code of the kernels."""
+"""Machine code of the kernels: nobody waits for it, and all use it as soon as it is there.
+
+The first simulation that plays starts a search on a thread, and goes on interpreted: what is kept is loaded at once;
+where nothing is, another process compiles it meanwhile. On a thread, because Python hears signals on the main one: an
+exception of a user's handler cannot come amidst, and be taken for a failure here.
+"""
 
 from __future__ import annotations
 
+import atexit
 import ctypes
-import hashlib
+import importlib.util
 import os
+import sys
+import threading
 from collections.abc import Callable
-from pathlib import Path
+from contextlib import suppress
 from typing import Any, get_type_hints
 
+from billiards_sim.engine import object_file
 from billiards_sim.engine.kernels.entries import ENTRIES
 from billiards_sim.engine.tables import Packed
 
+SWITCH = "BILLIARDS_SIM_COMPILE"
+"""Environment variable: 0 has the kernels interpreted."""
+
+LOOK = 0.5
+"""s that the first to play waits at most while a kept file is looked for and loaded, which takes 0.1 s. A thread beside
+one that interprets kernels would take ten times longer: it gets the interpreter's lock every 5 ms."""
+
+PATIENCE = 1.0
+"""s that `compile` waits before it says what for."""
+
+COMPILING = "compiling the engine, about 20 s"
+KEPT = f"{COMPILING}; it is kept for the next time"
+NOT_KEPT = f"{COMPILING}; it cannot be kept, no cache directory can be written: NUMBA_CACHE_DIR may name one"
+
 C_TYPES: dict[Any, Any] = {float: ctypes.c_double, int: ctypes.c_int64}
 
-_loaded: dict[str, Any] = {}
 _functions: dict[str, Callable[..., Any]] = {}
+_engines: list[Any] = []  # what the functions live in
+
+_busy = threading.Lock()
+"""Held for the milliseconds that neither a fork nor the end of the process may cut short."""
+
+
+class Search(threading.Thread):
+    """Brings machine code.
+
+    Attributes:
+        looked: set when code that was kept is loaded, or there is none.
+        maker: the other process, if there was none.
+        failure: why nothing came.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(name="billiards_sim machine code", daemon=True)
+        self.looked = threading.Event()
+        self.maker: object_file.Maker | None = None
+        self.failure = ""
+
+    def run(self) -> None:
+        try:
+            self._look()
+            self.looked.set()
+            if self.maker is not None:
+                code = self.maker.code()
+                with _busy:
+                    _load(code)
+        except Exception as error:
+            self.failure = f"{type(error).__name__}: {error}"
+        finally:
+            self.looked.set()
+
+    def _look(self) -> None:
+        with _busy:
+            name = object_file.file_name()
+            code = object_file.find(name)
+            if code is not None:
+                _load(code)
+                return
+            folder = object_file.first_writable()
+            if folder is None:
+                _say(NOT_KEPT)
+            self.maker = object_file.Maker(name, folder)
+
+
+_search: Search | None = None
+_sought = False
+_ended = False
 
 
 def is_ready() -> bool:
@@ -24,37 +96,85 @@ def is_ready() -> bool:
     return bool(_functions)
 
 
+def seek() -> None:
+    """Let machine code come, without waiting until it is compiled. Only the first call does something.
+
+    Raises:
+        ValueError: the environment variable `BILLIARDS_SIM_COMPILE` is neither 0 nor 1.
+    """
+    global _search, _sought
+    if _sought:
+        return
+    wanted = _is_wanted()
+    with _busy:
+        if wanted and _search is None:
+            search = Search()
+            with suppress(RuntimeError):  # the process ends, and has no more threads
+                search.start()
+                _search = search
+        _sought = True
+    if _search is not None:
+        _search.looked.wait(LOOK)
+
+
 def compile() -> bool:
-    """Wait until machine code is there; returns False where the engine is interpreted."""
-    if not _functions and os.environ.get("NUMBA_DISABLE_JIT", "0") != "1":
-        here = Path(__file__).parent
-        digest = hashlib.sha256()
-        for path in sorted([*here.glob("*.py"), *here.glob("kernels/**/*.py")]):
-            digest.update(path.read_bytes())
-        kept = here / "__pycache__" / f"kernels-{digest.hexdigest()[:16]}.o"
-        if not kept.exists():
-            try:
-                from billiards_sim.engine.compiler import object_code
-            except ImportError:
-                return False
-            kept.parent.mkdir(exist_ok=True)
-            beside = kept.with_suffix(f".{os.getpid()}")
-            beside.write_bytes(object_code())
-            beside.rename(kept)
-        _functions.update(_load(kept.read_bytes()))
-    return bool(_functions)
+    """Wait until machine code is there; returns False where the engine is interpreted.
+
+    Raises:
+        ValueError: the environment variable `BILLIARDS_SIM_COMPILE` is neither 0 nor 1.
+    """
+    seek()
+    if _search is not None:
+        _search.join(PATIENCE)
+        if _search.is_alive() and (_search.maker is None or _search.maker.keeps):
+            _say(KEPT)
+        _search.join()
+        if not _functions:
+            _go_own_way(_search)
+    return is_ready()
 
 
-def _load(code: bytes) -> dict[str, Callable[..., Any]]:
+def _is_wanted() -> bool:
+    switch = os.environ.get(SWITCH, "")
+    if switch not in ("", "0", "1"):
+        raise ValueError(f"{SWITCH} must be 0 (interpreted) or 1 (compiled), got {switch!r}")
+    disabled = os.environ.get("NUMBA_DISABLE_JIT", "") not in ("", "0")
+    return switch != "0" and not disabled and importlib.util.find_spec("numba") is not None
+
+
+def _go_own_way(search: Search) -> None:
+    # Where object code cannot be had: as Numba does it, in this process. On a thread, as the search.
+    def compile_here() -> None:
+        try:
+            from billiards_sim.engine.compiler import dispatchers
+
+            _functions.update(dispatchers())
+        except Exception as error:
+            _say(f"the engine stays interpreted: {type(error).__name__}: {error}")
+
+    _say(f"compiling the engine in this process, since another one did not: {search.failure}")
+    thread = threading.Thread(target=compile_here, daemon=True)
+    thread.start()
+    thread.join()
+
+
+def _say(what: str) -> None:
+    print(f"billiards_sim: {what}", file=sys.stderr)
+
+
+def _load(code: bytes) -> None:
+    if _ended:
+        return
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_default_triple().create_target_machine(codemodel="jitdefault", jit=True)
-    _loaded["engine"] = engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return {name: _callable(engine.get_function_address(name), entry) for name, entry in ENTRIES.items()}
+    _engines.append(engine)
+    _functions.update({name: _callable(engine.get_function_address(name), entry) for name, entry in ENTRIES.items()})
 
 
 def _callable(address: int, entry: Callable[..., Any]) -> Callable[..., Any]:
@@ -88,3 +208,24 @@ def call(entry: Callable[..., Any], *arguments: Any) -> Any:
         code = _functions[entry.__name__]
         return code(*[value.address if isinstance(value, Packed) else value for value in arguments])
     return entry(*arguments)
+
+
+def _begin_anew() -> None:
+    # In a process that was forked: the search goes on in the other one alone.
+    global _search, _sought
+    if _search is not None and _search.maker is not None:
+        _search.maker.disown()
+    _search, _sought = None, False
+    _busy.release()
+
+
+def _end() -> None:
+    # LLVM must not be at work when the process takes itself apart.
+    global _sought, _ended
+    with _busy:
+        _sought = _ended = True
+
+
+atexit.register(_end)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_busy.acquire, after_in_parent=_busy.release, after_in_child=_begin_anew)

@@ -145,6 +145,7 @@ class Moment(NamedTuple):
 
     def in_best_form(self) -> Moment:
         """The same in the form of machine code where there is some."""
+        machine.seek()
         packed = machine.is_ready()
         if isinstance(self.state, Packed) == packed:
             return self
