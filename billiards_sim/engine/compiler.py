@@ -32,7 +32,7 @@ SCALARS = {float: T.float64, int: T.int64, type(None): T.void}
 def dispatchers() -> dict[str, Any]:
     """The entries as functions that Numba has compiled, by name."""
     for function in KERNELS:
-        register_jitable(**OPTIONS)(function)
+        register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
     return {name: _compiled(function) for name, function in ENTRIES.items()}
 
 

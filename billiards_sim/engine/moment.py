@@ -150,7 +150,7 @@ class Moment(NamedTuple):
         if isinstance(self.state, Packed) == packed:
             return self
         moment = self.with_log_taken()
-        return moment._replace(state=in_form(moment.state, packed), turns=in_form(moment.turns, packed))
+        return moment._replace(state=in_form(moment.state, packed, SCRATCH), turns=in_form(moment.turns, packed))
 
     def to_be_left(self) -> Moment:
         """A copy for the interpreter to work on, which can be left half way."""
@@ -254,5 +254,5 @@ def fetched(moment: Moment) -> Moment:
     packed = machine.is_ready()
     last_shot = moment.last_shot and moment.last_shot._replace(before=fetched(moment.last_shot.before))
     return moment._replace(
-        state=in_form(moment.state, packed), turns=in_form(moment.turns, packed), last_shot=last_shot
+        state=in_form(moment.state, packed, SCRATCH), turns=in_form(moment.turns, packed), last_shot=last_shot
     )

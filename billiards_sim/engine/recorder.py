@@ -9,7 +9,7 @@ import numpy as np
 
 from billiards_sim.engine.kernels.state import INF
 from billiards_sim.engine.kernels.trajectory import Arc, Tape
-from billiards_sim.engine.tables import blank, copy_rows, get_field, in_form, join_rows, set_columns, set_fields
+from billiards_sim.engine.tables import Packed, blank, copy_rows, get_field, in_form, join_rows, set_columns, set_fields
 
 SPOOL_ROWS = 4096
 """Stretches that the kernels write before they hand them over."""
@@ -34,16 +34,23 @@ class Recorder:
 
     def __init__(self, count: int) -> None:
         self.epoch = 0.0
-        self._tape = blank_tape(count, packed=False)
+        self._count = count
+        self._tape: Tape | None = None
         self._unloaded: list[Sequence[Arc]] = []
 
     def tape(self, packed: bool) -> Tape:
         """What to write on, in this form."""
-        self._tape = in_form(self._tape, packed)
+        if self._tape is None:
+            self._tape = blank_tape(self._count, packed)
+        elif isinstance(self._tape, Packed) != packed:
+            self.unload()
+            self._tape = in_form(self._tape, packed, ("arcs", "spool"))
         return self._tape
 
     def unload(self) -> None:
         """Make room on the tape."""
+        if self._tape is None:
+            return
         written = get_field(self._tape.spool, 0, "arcs")
         self._unloaded.append(copy_rows(self._tape.arcs[:written]))
         set_fields(self._tape.spool, 0, arcs=0)

@@ -117,19 +117,24 @@ def copy_block(block: Any, scratch: Sequence[str] = ()) -> Any:
     return Packed(block.layout, memory)
 
 
-def in_form(block: Any, packed: bool) -> Any:
-    """The same block where it has that form, else one with the same values."""
+def in_form(block: Any, packed: bool, scratch: Sequence[str] = ()) -> Any:
+    """The same block where it has that form, else one with the same values but for its last tables `scratch`."""
     if isinstance(block, Packed) == packed:
         return block
     if packed:
         tables = block._asdict()
         kind: Any = type(block)
         copy = _blank(layout(kind, *map(len, tables.values())))
-        for name, table in tables.items():
-            getattr(copy, name)[:] = [as_tuple(row) for row in table]
+        for name in tables.keys() - scratch:
+            getattr(copy, name)[:] = [as_tuple(row) for row in tables[name]]
         return copy
-    types = record_types(block.layout.kind)
-    return block.layout.kind(**{name: list(starmap(types[name], getattr(block, name).tolist())) for name in types})
+    kept = {
+        name: rows(kind, len(getattr(block, name)))
+        if name in scratch
+        else list(starmap(kind, getattr(block, name).tolist()))
+        for name, kind in record_types(block.layout.kind).items()
+    }
+    return block.layout.kind(**kept)
 
 
 def rows(kind: type[Row], count: int) -> list[Row]:
