@@ -116,7 +116,7 @@ def _main_of(name: str, arguments: list[str]) -> Any:
 
 
 def _leave_quietly_on_signals(name: str) -> None:
-    # Holds while modules load and kernels compile; what runs later installs its own handlers.
+    # Holds while modules load; what runs later installs its own handlers.
     code = EXECUTABLES[name].stopped
 
     def leave(*_: Any) -> None:

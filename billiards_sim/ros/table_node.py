@@ -33,7 +33,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from billiards_sim.command_line import Parser, Refusal, Stopped, one_line, run_to_end
-from billiards_sim.engine import scenes
+from billiards_sim.engine import machine
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import messages, parameters, qos
@@ -43,7 +43,6 @@ from billiards_sim.ros.followed_clock import FollowedClock
 from billiards_sim.ros.inbox import Inbox
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import Places, named_balls, placed_balls
-from billiards_sim.ros.preview import predict
 from billiards_sim.ros.previews import Previews
 from billiards_sim.ros.process import (
     announce_often,
@@ -560,7 +559,6 @@ def _new_node() -> TableNode:
 
 
 def _serve(node: TableNode) -> None:
-    _warm_up(node)
     executor = SingleThreadedExecutor()
     try:
         with stoppable():
@@ -585,6 +583,7 @@ def _serve(node: TableNode) -> None:
 
 def _start(node: TableNode) -> None:
     try:
+        machine.seek()  # or the first tick would
         node.start()
     except ValueError as error:
         raise Refusal(str(error)) from None
@@ -604,18 +603,6 @@ def _spin(node: TableNode, executor: SingleThreadedExecutor) -> None:
 
 def _raise(error: Exception) -> None:
     raise RuntimeError("a tick failed") from error
-
-
-def _warm_up(node: TableNode) -> None:
-    """Preview and run a break, so that no later tick waits for the compiler."""
-    node.get_logger().info("preparing the engine")
-    began = time.monotonic()
-    simulation = Simulation(scenes.eight_ball())
-    shot = Shot((100.0, 1.0, 0.0), (0.005, 0.005))
-    predict(simulation, shot)
-    simulation.strike(shot.force, shot.offset)
-    simulation.run()
-    node.get_logger().info(f"engine ready after {time.monotonic() - began:.2f} s")
 
 
 def _describe(shot: Shot) -> str:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, run_to_end, say
+from billiards_sim.engine import machine as engine_machine
 from billiards_sim.files import written
 from billiards_sim.study import chaos, node_cost, peers, precision, report, speed
 from billiards_sim.study.measure import ChildError, Task, machine
@@ -49,6 +50,7 @@ def measure(parts: tuple[str, ...], quick: bool, seeds: int) -> dict[str, Any]:
     """
     from tqdm import tqdm
 
+    engine_machine.compile()
     start = time.perf_counter()
     results: dict[str, Any] = {"machine": machine(), "options": {"quick": quick, "seeds": seeds, "parts": list(parts)}}
     tasks = [(part, name, task) for part in parts for name, task in _tasks(part, quick, seeds)]

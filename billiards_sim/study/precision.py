@@ -141,7 +141,7 @@ def summary(runs: Sequence[dict[str, Any]], overlap: float) -> dict[str, Any]:
 def exact_point(scene: str, runs: int) -> dict[str, Any]:
     """The point of `event` in a scene."""
     truth = truths()[scene]
-    run_once("event", truth, 1.0)  # compiles, or loads machine code
+    run_once("event", truth, 1.0)  # what only the first run does
     return summary([run_once("event", truth, 1.0) for _ in range(runs)], deepest_overlap("event", truth, LOOK_EVERY))
 
 

@@ -172,7 +172,7 @@ def record(scene: Scene, solver: str = "event", time_step: float = TIME_STEP, un
 
 
 def _record_run(simulation: Simulation, start: State, until: float | None) -> ExactRecording:
-    record_run(simulation.copy(), until=start.time)  # compiles the engine
+    record_run(simulation.copy(), until=start.time)  # loads machine code, if there is some
     scene = simulation.start_scene
     recorder = Recorder(len(scene))
     began = time.perf_counter()

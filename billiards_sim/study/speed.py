@@ -49,8 +49,15 @@ simulation.strike((128.0, 1.5, 0.0))
 simulation.run()
 print(time.perf_counter() - start)
 """
+COMPILE_CODE = """
+import time
+start = time.perf_counter()
+import billiards_sim as bs
+bs.compile()
+print(time.perf_counter() - start)
+"""
 STARTS, QUICK_STARTS = 5, 2
-"""New processes with cached kernels."""
+"""New processes, of each kind."""
 
 Row = dict[str, Any]
 """A line of a table: "what", "unit", "target" (or None) and what `spread` gives."""
@@ -136,12 +143,15 @@ def interpreted_rows(seeds: int) -> list[Row]:
 
 
 def start_rows(starts: int) -> list[Row]:
-    """Import to the end of the first break in new processes: first with an empty kernel cache, then with a full one."""
+    """Import to the end of the first break in new processes, without kept machine code and with it."""
     with tempfile.TemporaryDirectory(prefix="billiards_sim_kernels_") as cache:
-        times = [float(run_python("-c", START_CODE, NUMBA_CACHE_DIR=cache)) for _ in range(1 + starts)]
+        cold = [float(run_python("-c", START_CODE, NUMBA_CACHE_DIR=cache)) for _ in range(starts)]
+        compiling = float(run_python("-c", COMPILE_CODE, NUMBA_CACHE_DIR=cache))
+        warm = [float(run_python("-c", START_CODE, NUMBA_CACHE_DIR=cache)) for _ in range(starts)]
     return [
-        row("new process, kernels cached: import to end of first break", "s", times[1:], 1.0),
-        row("new process, empty kernel cache: the same", "s", times[:1], 8.0),
+        row("new process, machine code kept: import to end of first break", "s", warm, 0.3),
+        row("new process, none kept: the same", "s", cold, 1.0),
+        row("compile(), in a process of its own", "s", [compiling]),
     ]
 
 

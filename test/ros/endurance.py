@@ -64,7 +64,7 @@ SPAWN = get_context("spawn")
 """Processes that take over nothing of this one's ROS."""
 
 START_TIMEOUT = 60.0
-"""s for a table to compile the engine and start, and for a client to find it."""
+"""s for a table to start, and for a client to find it."""
 
 SHOT_TIMEOUT = 10.0
 """s for a shot to be answered and to come to rest: the longest takes 1 s at the real-time factor."""

@@ -29,7 +29,7 @@ from visualization_msgs.msg import MarkerArray
 from billiards_sim.ros.process import end_group
 
 START_TIMEOUT = 120.0
-"""s. The first start compiles the engine, 10 s on an idle machine."""
+"""s. A second on an idle machine."""
 
 GRACE = 10.0
 """s that a process has to end itself and its own children before it is killed."""

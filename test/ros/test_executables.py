@@ -157,10 +157,9 @@ def test_a_signal_during_the_imports_ends_it_quietly(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("when", ["preparing the engine", "ready: "])
-def test_signals_end_the_table_with_code_0(site: Site, number: int, when: str) -> None:
+def test_signals_end_the_table_with_code_0(site: Site, number: int) -> None:
     table = site.process("table")
-    table.wait_for(when)
+    table.wait_for("ready: ")
     table.signal(number)
     table.signal(number)  # nor does an impatient second one disturb it
     assert table.wait() == 0, table.stderr

@@ -226,13 +226,7 @@ import sys
 from billiards_sim.engine import simulation
 from billiards_sim.ros import table_node
 
-warm_up = table_node._warm_up
-
-def warm_up_and_lose_patience(node):
-    warm_up(node)
-    simulation.BATCH, simulation.EVENT_BUDGET = 1, 5
-
-table_node._warm_up = warm_up_and_lose_patience
+simulation.BATCH, simulation.EVENT_BUDGET = 1, 5
 table_node.main(sys.argv[1:])
 """
 

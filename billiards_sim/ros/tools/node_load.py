@@ -58,7 +58,7 @@ DEPTH = 1000
 """Messages kept for this process when it falls behind: a tick has 16 twists."""
 
 START_TIMEOUT = 60.0
-"""s for the table to compile, start and be discovered."""
+"""s for the table to start and be discovered."""
 
 SETTLING = 1.0
 """s after the start, or after the shot, that are not measured: processes still find or forget each other."""
