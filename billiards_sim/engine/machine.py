@@ -76,11 +76,10 @@ class Search(threading.Thread):
     def _look(self) -> None:
         with _busy:
             name = object_file.file_name()
-            code = object_file.find(name)
+            code, folder = object_file.find(name)
             if code is not None:
                 _load(code)
                 return
-            folder = object_file.first_writable()
             if folder is None:
                 _say(NOT_KEPT)
             self.maker = object_file.Maker(name, folder)

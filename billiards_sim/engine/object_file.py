@@ -61,27 +61,32 @@ def _digest(*parts: str | bytes) -> str:
     return digest.hexdigest()[:16]
 
 
-def folders() -> list[Path]:
-    """Where the file may lie, in this order."""
+def find(name: str) -> tuple[bytes | None, Path | None]:
+    """The code in the file of this name, if there is a good one, and the folder where it is or can be written.
+
+    That is the first of several. Both None: nothing can be written anywhere.
+    """
+    for folder in _folders():
+        code = read(folder / name)
+        if code is not None or _is_writable(folder):
+            return code, folder
+    return None, None
+
+
+def _folders() -> list[Path]:
     given = os.environ.get("NUMBA_CACHE_DIR")
     of_user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     found = [Path(given).absolute()] if given else []
     return [*found, HERE / "__pycache__", *([Path(of_user)] if os.path.isabs(of_user) else [])]
 
 
-def find(name: str) -> bytes | None:
-    """The code in the first good file of this name; None where there is none."""
-    return next(filter(None, (read(folder / name) for folder in folders())), None)
-
-
-def first_writable() -> Path | None:
-    """The folder in which a file can be kept."""
-    for folder in folders():
-        with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            TemporaryFile(dir=folder).close()
-            return folder
-    return None
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
 
 
 def read(path: Path) -> bytes | None:
