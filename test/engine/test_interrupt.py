@@ -311,7 +311,7 @@ def test_an_interrupted_recording_leaves_all_to_be_recorded_again() -> None:
         assert again.positions([0.5, 1.5]).tobytes() == whole.positions([0.5, 1.5]).tobytes()
 
 
-@pytest.mark.parametrize("begin", [touching_rack, pressed_row])
+@pytest.mark.parametrize("begin", [touching_rack, dense_cluster])
 def test_a_call_of_the_kernels_ends_after_the_work_it_is_allowed(
     begin: Callable[[], bs.Simulation], monkeypatch: pytest.MonkeyPatch
 ) -> None:
