@@ -50,6 +50,8 @@ class Search(threading.Thread):
 
     Attributes:
         looked: set when code that was kept is loaded, or there is none.
+        ended: set when there is nothing more to wait for. (An interrupt of `join` has older Pythons take a thread for
+            ended.)
         maker: the other process, if there was none.
         failure: why nothing came.
     """
@@ -57,6 +59,7 @@ class Search(threading.Thread):
     def __init__(self) -> None:
         super().__init__(name="billiards_sim machine code", daemon=True)
         self.looked = threading.Event()
+        self.ended = threading.Event()
         self.maker: object_file.Maker | None = None
         self.failure = ""
 
@@ -72,6 +75,7 @@ class Search(threading.Thread):
             self.failure = f"{type(error).__name__}: {error}"
         finally:
             self.looked.set()
+            self.ended.set()
 
     def _look(self) -> None:
         with _busy:
@@ -124,10 +128,9 @@ def compile() -> bool:
     """
     seek()
     if _search is not None:
-        _search.join(PATIENCE)
-        if _search.is_alive() and (_search.maker is None or _search.maker.keeps):
+        if not _search.ended.wait(PATIENCE) and (_search.maker is None or _search.maker.keeps):
             _say(KEPT)
-        _search.join()
+        _search.ended.wait()
         if not _functions:
             _go_own_way(_search)
     return is_ready()
@@ -143,6 +146,8 @@ def _is_wanted() -> bool:
 
 def _go_own_way(search: Search) -> None:
     # Where object code cannot be had: as Numba does it, in this process. On a thread, as the search.
+    ended = threading.Event()
+
     def compile_here() -> None:
         try:
             from billiards_sim.engine.compiler import dispatchers
@@ -150,11 +155,12 @@ def _go_own_way(search: Search) -> None:
             _functions.update(dispatchers())
         except Exception as error:
             _say(f"the engine stays interpreted: {type(error).__name__}: {error}")
+        finally:
+            ended.set()
 
     _say(f"compiling the engine in this process, since another one did not: {search.failure}")
-    thread = threading.Thread(target=compile_here, daemon=True)
-    thread.start()
-    thread.join()
+    threading.Thread(target=compile_here, daemon=True).start()
+    ended.wait()
 
 
 def _say(what: str) -> None:
