@@ -2,7 +2,7 @@
 # make demo   break a rack over ROS 2 and watch it
 # make test   every check
 # make soak   tens of thousands of random scenes to rest, with a progress bar; a quarter of an hour
-# make endurance  an hour of simulated shots, a flood, kills and late joiners of a running table; five minutes
+# make endurance  three hours of simulated shots, a flood, kills and late joiners of a running table; five minutes
 # make clean  remove what the two have made
 #
 # Needs Python 3.10 or newer with venv; PYTHON=... names another one. Everything else goes into .venv.

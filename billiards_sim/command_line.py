@@ -156,6 +156,8 @@ def one_line(said: object) -> str:
     if len(line) > LONGEST_LINE:
         half = LONGEST_LINE // 2
         line = f"{line[:half]} ... {line[-half:]}"
+    if line.isprintable():
+        return line  # as most are: a table refuses thousands of shots a second
     return "".join(repr(one)[1:-1] if unicodedata.category(one) in ("Cc", "Cs") else one for one in line)
 
 

@@ -31,7 +31,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "use_sim_time", default_value="false", choices=["true", "false"], description="follow /clock"
             ),
-            OpaqueFunction(function=table),
+            # Before the table: where rviz2 is not installed, launch ends here, and would leave a table running.
             Node(
                 package="rviz2",
                 executable="rviz2",
@@ -40,6 +40,7 @@ def generate_launch_description() -> LaunchDescription:
                 parameters=[sim_time()],
                 condition=IfCondition(LaunchConfiguration("rviz")),
             ),
+            OpaqueFunction(function=table),
         ]
     )
 

@@ -330,8 +330,8 @@ def test_a_call_of_the_kernels_ends_after_the_work_it_is_allowed(
     monkeypatch.setattr(simulation_module, "BATCH", 1)
     simulation.run(until=1.0)
     largest_pass = max(done)
-    # A pass predicts each ball with each other at most; what is more are sweeps over the contacts.
-    assert largest_pass > 4 * len(simulation.start_scene) ** 2
+    # A pass predicts each ball with each other at most, and leaves a cell; what is much more are sweeps over contacts.
+    assert largest_pass > 2 * len(simulation.start_scene) ** 2
     done.clear()
     monkeypatch.setattr(machine, "call", call)
     simulation = begin()

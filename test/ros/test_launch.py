@@ -28,6 +28,13 @@ def test_every_argument_is_declared_and_used() -> None:
     assert all(f"`{name}`" in page.partition("table.launch.py")[2] for name in declared)
 
 
+def test_nothing_is_left_running_where_rviz_is_not_installed() -> None:
+    # launch ends at the first package that it does not find, and leaves alone what it has started before.
+    (actions,) = [call.args[0].elts for call in CALLS if call.func.id == "LaunchDescription" and call.args]
+    order = [action.func.id for action in actions]
+    assert order.index("Node") < order.index("OpaqueFunction") == len(order) - 1
+
+
 def test_every_executable_and_every_file_is_there() -> None:
     constants = {node.targets[0].id: node.value for node in FILE.body if isinstance(node, ast.Assign)}
     assert constants["PACKAGE"].value == "billiards_sim"

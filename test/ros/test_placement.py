@@ -96,8 +96,10 @@ def test_what_a_camera_saw_becomes_the_table(site: Site) -> None:
     scene = bs.scenes.eight_ball()
     seen = np.array([(0.3 + 0.2 * column, 0.3 + 0.2 * row) for row in range(4) for column in range(4)])
     seen[1] = seen[0] + (2.0 * RADIUS - 0.0015, 0.0)
-    refused = client.place(poses(seen[:3]))
-    assert refused["accepted"] is False
+    short = poses(seen[:3])
+    short.header.stamp.sec, short.header.stamp.nanosec = 12, 34
+    refused = client.place(short)
+    assert (refused["accepted"], refused["request"]) == (False, {"sec": 12, "nanosec": 34})
     assert "got 3" in refused["reason"]
     verdict = client.place(poses(seen))
     assert (verdict["accepted"], verdict["reason"]) == (True, "")
@@ -177,8 +179,11 @@ def test_a_camera_that_misses_balls_takes_them_off_the_table(site: Site) -> None
     verdict = client.set_balls(states({**seen, "Z": (1.0, 1.0)}))
     assert (verdict["accepted"], verdict["reason"][:24]) == (False, "no ball is named 'Z'; th")
     assert client.fresh_state().joint_names == list(start.names)
-    verdict = client.set_balls(states(seen))
+    message = states(seen)
+    message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
+    verdict = client.set_balls(message)
     assert (verdict["accepted"], verdict["reason"]) == (True, "")
+    assert verdict["request"] == {"sec": 12, "nanosec": 34}
     shown = client.fresh_state()
     assert shown.joint_names == ["cue", "3", "9"]
     for name, one in zip(shown.joint_names, shown.transforms):

@@ -122,8 +122,9 @@ BAD_SHOTS = {
 @pytest.mark.parametrize("case", BAD_SHOTS)
 def test_a_bad_shot_is_refused_and_leaves_the_table_untouched(idle: Client, case: str) -> None:
     message, reason = BAD_SHOTS[case]
+    message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
     result = idle.shoot(message)
-    assert result["accepted"] is False
+    assert (result["accepted"], result["request"]) == (False, {"sec": 12, "nanosec": 34})
     assert reason in result["reason"]
     assert positions(idle.next_poses()[0]) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
     assert idle.at_rest == [True]
