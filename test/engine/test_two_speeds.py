@@ -3,18 +3,24 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import os
-import shutil
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from checks import COMPILED, random_scene
+from test_copies import midway, rest
 
 import billiards_sim as bs
+from billiards_sim.engine import machine
+from billiards_sim.engine import simulation as simulation_module
 
 HERE = Path(__file__).parent
 
@@ -54,70 +60,92 @@ def in_new_process(code: str, **environment: str) -> str:
 
 
 @pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
-def test_a_line_says_what_the_first_run_waits_for(tmp_path: Path) -> None:
-    code = (
-        "from billiards_sim.engine.detection import contact_time, rail_contact_time\n"
-        "rail_contact_time(1.0, 1.0, 0.0, 0.0); contact_time(1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.0)"
-    )
-    assert new_process(code, NUMBA_CACHE_DIR=str(tmp_path)).stderr.count("compiling the engine") == 1
-    assert new_process(code, NUMBA_CACHE_DIR=str(tmp_path)).stderr == ""
-
-
-ASK = (
-    "import sys; sys.path.insert(0, {site!r})\n"
-    "from billiards_sim.engine.detection import contact_time, rail_contact_time\n"
-    "print(rail_contact_time(1.0, -1.0, 0.0, 0.0))"
-)
-"""Prints INF of `state.py`, which is part of the machine code of `detection.py`."""
-
-
-@pytest.fixture
-def installed(tmp_path: Path) -> Path:
-    """A copy of the package, to be changed."""
-    package = Path(bs.__file__).parent
-    shutil.copytree(package, tmp_path / "site/billiards_sim", ignore=shutil.ignore_patterns("__pycache__"))
-    return tmp_path / "site"
-
-
-@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
-@pytest.mark.parametrize("given", [True, False], ids=["NUMBA_CACHE_DIR", "beside the sources"])
-def test_machine_code_of_former_sources_is_not_used(given: bool, installed: Path, tmp_path: Path) -> None:
-    cache = tmp_path / "cache" if given else installed / "billiards_sim/engine/__pycache__"
-    environment = {"NUMBA_CACHE_DIR": str(cache) if given else "", "PYTHONDONTWRITEBYTECODE": "1"}
-    ask = ASK.format(site=str(installed))
-    assert in_new_process(ask, **environment) == "inf"
-    assert new_process(ask, **environment).stderr == ""
-    state = installed / "billiards_sim/engine/state.py"
-    before = state.stat()
-    text = state.read_text(encoding="utf-8")
-    state.write_text(text.replace("INF = math.inf", "INF = 7.000000"), encoding="utf-8")
-    os.utime(state, ns=(before.st_atime_ns, before.st_mtime_ns))  # the content decides
-    assert in_new_process(ask, **environment) == "7.0"
-    assert len(list(cache.glob("billiards_sim-*"))) == 1
-
-
-@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
-def test_without_a_directory_to_write_in_the_engine_is_compiled_and_not_kept(installed: Path, tmp_path: Path) -> None:
-    nowhere = tmp_path / "file"
-    nowhere.touch()
-    (installed / "billiards_sim/engine/__pycache__").touch()
-    environment = {
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "NUMBA_CACHE_DIR": str(nowhere / "numba"),
-        "XDG_CACHE_HOME": str(nowhere / "cache"),
-    }
-    code = ASK.format(site=str(installed)) + "; contact_time(1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.0)"
-    for _ in range(2):
-        run = new_process(code, **environment)
-        assert run.stdout.strip() == "inf"
-        assert run.stderr.count("\n") == 1
-        assert "cannot be kept, no cache directory can be written" in run.stderr
-
-
-@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
 def test_compiled_and_interpreted_kernels_give_the_same_bits() -> None:
     interpreted = in_new_process("from test_two_speeds import digest; print(digest())", NUMBA_DISABLE_JIT="1")
     assert interpreted == digest()
+
+
+Ready = Callable[[], bool]
+
+
+@pytest.fixture
+def changes_over(monkeypatch: pytest.MonkeyPatch) -> Callable[[Ready], None]:
+    """Lets a function say whether there is machine code."""
+    if not COMPILED:
+        pytest.skip("needs Numba, switched on")
+
+    def says(ready: Ready) -> None:
+        monkeypatch.setattr(machine, "is_ready", ready)
+
+    return says
+
+
+def at_random(seed: int) -> Ready:
+    random = np.random.default_rng(seed)
+    return lambda: bool(random.integers(2))
+
+
+def restored(simulation: bs.Simulation) -> bs.Simulation:
+    snapshot = pickle.loads(pickle.dumps(simulation.snapshot()))
+    simulation.restore(snapshot)
+    return simulation
+
+
+DETOURS: tuple[Callable[[bs.Simulation], bs.Simulation], ...] = (
+    lambda simulation: simulation,
+    bs.Simulation.copy,
+    copy.deepcopy,
+    lambda simulation: pickle.loads(pickle.dumps(simulation)),
+    restored,
+)
+
+
+def played(seed: int, detours: bool) -> tuple[object, ...]:
+    """A break in several pieces, with an orientation for every third, and what is recorded of its end."""
+    random = np.random.default_rng(seed)
+    simulation = bs.Simulation(replace(bs.scenes.eight_ball(), track_orientation=seed % 3 == 0))
+    simulation.advance(0.25)
+    simulation.strike((100.0, float(random.uniform(-2.0, 2.0)), 0.0), tuple(random.uniform(-0.006, 0.006, 2)))
+    events = []
+    for duration in random.uniform(0.0, 0.6, 6):
+        events += simulation.advance(duration)
+        detour = DETOURS[random.integers(len(DETOURS))]
+        simulation = detour(simulation) if detours else simulation
+    run = bs.record(simulation)
+    times = np.linspace(run.start, run.end, 7)
+    arrays = [run.positions(times), run.orientations(times), simulation.positions, simulation.angular_velocities]
+    arrays += [simulation.orientations] if seed % 3 == 0 else []
+    return [*events, *run.events], simulation.time, *(values.tobytes() for values in arrays)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_breaks_that_change_over_at_random_have_the_same_bits(
+    seed: int, changes_over: Callable[[Ready], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = played(seed, detours=False)
+    monkeypatch.setattr(simulation_module, "BATCH", 500)  # so that runs change over as well
+    ready = at_random(seed)
+    said: list[bool] = []
+    changes_over(lambda: said.append(ready()) or said[-1])
+    assert played(seed, detours=True) == expected
+    assert sum(before != after for before, after in zip(said, said[1:])) > 10
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["machine code first", "interpreted first"])
+@pytest.mark.parametrize("detour", DETOURS)
+def test_what_was_kept_before_the_change_over_goes_on_after_it(
+    first: bool, detour: Callable[[bs.Simulation], bs.Simulation], changes_over: Callable[[Ready], None]
+) -> None:
+    whole = midway()
+    expected = rest(whole)
+    changes_over(lambda: first)
+    simulation = midway()
+    snapshot, stored = simulation.snapshot(), pickle.dumps(simulation)
+    changes_over(lambda: not first)
+    for kept in (detour(simulation), pickle.loads(stored)):
+        assert rest(kept) == expected
+        kept.restore(snapshot)
+        assert rest(kept) == expected
 
 
 def test_same_bits_in_another_process() -> None:
