@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import dis
+import itertools
 import pickle
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -223,6 +224,33 @@ def test_no_place_for_an_exception_loses_an_event(
             calls[call](simulation)
         events.extend(simulation.advance(0.0))
         events.extend(simulation.run(until=start.time + duration))
+        assert outcome(simulation, events) == expected
+
+
+@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
+@pytest.mark.parametrize("recorded", [False, True], ids=["run", "recorded"])
+def test_no_place_for_an_exception_loses_an_event_at_the_change_over(
+    recorded: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = two_balls()
+    whole = start.copy()
+    expected = outcome(whole, list(whole.run()))
+    monkeypatch.setattr(simulation_module, "BATCH", 40)
+
+    def play(simulation: bs.Simulation) -> Sequence[bs.Event]:
+        # Machine code appears, and goes as if in another process, at every call.
+        ready = itertools.cycle((False, True))
+        monkeypatch.setattr(machine, "is_ready", lambda: next(ready))
+        return bs.record(simulation).events if recorded else simulation.run()
+
+    with Interrupter(float("inf")) as counter:
+        play(start.copy())
+    for place in range(0, counter.places, max(1, counter.places // 200)):
+        simulation, events = start.copy(), []
+        with pytest.raises(Interrupted), Interrupter(place):
+            play(simulation)
+        events.extend(simulation.advance(0.0))
+        events.extend(play(simulation))
         assert outcome(simulation, events) == expected
 
 
