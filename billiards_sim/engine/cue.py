@@ -10,13 +10,17 @@ from typing import NamedTuple
 from billiards_sim.engine.physics import SPEED_LIMIT, Physics
 from billiards_sim.engine.quantity import numbers
 
+ROUNDING = 1e-9
+"""Relative: an offset that is given as the miscue limit may be rounded beyond it."""
+
 
 class Blow(NamedTuple):
     """What the cue does, in the shot's own frame: x' along the force, y' to its left, z' up."""
 
     fx: float  # N, of the force on the ball
     fy: float
-    force: float  # N, its size
+    fz: float  # <= 0: the butt is raised
+    along: float  # N, its size along the table
     side: float  # m from the ball's centre, where the tip hits
     up: float
 
@@ -25,29 +29,36 @@ def checked(force: Sequence[float], offset: Sequence[float], physics: Physics) -
     """A shot as numbers.
 
     Args:
-        force: (x, y, z) N, z = 0.
+        force: (x, y, z) N, z <= 0: below 0 the butt is raised.
         offset: (sideways, up) m from the centre of the ball.
 
     Raises:
-        ValueError: wrong length, not finite, a force that is zero, not horizontal or huge, an offset further out than
-            the radius.
+        ValueError: wrong length, not finite, a force that is zero, points up or straight down or is huge, an offset
+            off the ball or beyond the miscue limit.
     """
     fx, fy, fz = numbers("force", force, 3)
     side, up = numbers("offset", offset, 2)
     for name, values, unit in (("force", (fx, fy, fz), "N"), ("offset", (side, up), "m")):
         if not all(map(math.isfinite, values)):
             raise ValueError(f"{name} must be finite, got {values} {unit}")
-    if fz != 0.0:
-        raise ValueError(f"force z must be 0: the cue is level; got {fz:.9g} N")
-    size = math.hypot(fx, fy)
-    if size == 0.0:
-        raise ValueError("force must not be zero")
+    if fz > 0.0:
+        raise ValueError(f"force z must be <= 0: a cue does not lift the ball; got {fz:.9g} N")
+    along = math.hypot(fx, fy)
+    if along == 0.0:
+        raise ValueError("force must not be zero along the table")
     aside = math.hypot(side, up)
     if aside > physics.radius:
         raise ValueError(
             f"offset must lie on the ball: {aside:.9g} m from its centre, the radius is {physics.radius:.9g} m"
         )
-    speed = size / physics.mass * physics.cue_contact_time
+    if aside > physics.miscue_limit * physics.radius * (1.0 + ROUNDING):
+        raise ValueError(
+            f"the tip slips off: offset {aside:.9g} m from the centre of the ball, the miscue limit is "
+            f"{physics.miscue_limit:.9g} radii, {physics.miscue_limit * physics.radius:.9g} m"
+        )
+    speed = math.hypot(along, fz) / physics.mass * physics.cue_contact_time
     if not speed <= SPEED_LIMIT:
-        raise ValueError(f"force must give the ball a speed <= {SPEED_LIMIT:g} m/s; {size:.9g} N gives {speed:.9g} m/s")
-    return Blow(fx, fy, size, side, up)
+        raise ValueError(
+            f"force must give the ball a speed <= {SPEED_LIMIT:g} m/s; {math.hypot(along, fz):.9g} N gives {speed:.9g} m/s"
+        )
+    return Blow(fx, fy, fz, along, side, up)

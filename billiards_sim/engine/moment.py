@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from billiards_sim.engine import machine
 from billiards_sim.engine.cue import Blow
@@ -74,6 +75,20 @@ class Mark(NamedTuple):
     passes: int  # of the event loop
     time: float  # s, of the kernels' clock
     speed: float  # m/s, which no ball can have exceeded since, nor its rim by rolling or sliding
+
+
+SPINS = ("wx", "wy", "wz", "alpha_x", "alpha_y", "alpha_z")
+"""Of a ball or an arc: rad/s and rad/s^2, the last until wz is 0."""
+
+
+def spins_after(spins: NDArray[np.float64], ages: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(..., 3) rad/s: what `SPINS`, (..., 6), are after so many s, (..., 1); the formulas of `motion.anchor`."""
+    after = spins[..., 0:3].copy()
+    after[..., 0:2] += spins[..., 3:5] * ages
+    if spins[..., 5].any():
+        change = spins[..., 5] * ages[..., 0]
+        after[..., 2] = np.where(np.abs(change) >= np.abs(after[..., 2]), 0.0, after[..., 2] + change)
+    return after
 
 
 class LastShot(NamedTuple):
@@ -143,6 +158,18 @@ class Moment(NamedTuple):
         next_event = get_field(state.balls, first, "event_time")
         return bool(next_event > until or next_event == INF)
 
+    def at_rest_since(self) -> tuple[float, float]:
+        """What `asked` and `rest` are when nothing moves, after the last event, and nothing spins any more."""
+        if get_field(self.state.constants, 0, "spin_deceleration") == 0.0:
+            return self.asked, self.rest
+        spins = columns(self.state.balls, *SPINS)
+        begun = columns(self.state.balls, "time")
+        slowing = spins[:, 5] != 0.0
+        end = max(self.inner, *(begun[slowing, 0] - spins[slowing, 2] / spins[slowing, 5]))
+        while spins_after(spins, end - begun).any():
+            end = math.nextafter(end, math.inf)  # the quotient is rounded
+        return (end, 0.0) if end > self.inner else (self.asked, self.rest)
+
     def in_best_form(self) -> Moment:
         """The same in the form of machine code where there is some."""
         machine.seek()
@@ -206,6 +233,7 @@ def constants_of(scene: Scene) -> Constants:
     physics, table, count = scene.physics, scene.table, len(scene)
     sliding = physics.sliding_friction * physics.gravity
     rolling = physics.rolling_friction * physics.gravity
+    nose_sine = 2.0 * table.nose_height - 1.0  # (h - R)/R
     rest_speed = math.sqrt(2.0 * rolling * REST_DISTANCE) if sliding > 0.0 else 0.0
     side = max(2.0 * physics.radius, math.sqrt(table.length * table.width / count))
     cells_x = 1 if count <= ONE_CELL else max(1, int(table.length / side))
@@ -215,7 +243,15 @@ def constants_of(scene: Scene) -> Constants:
         radius=physics.radius,
         sliding=sliding,
         rolling=rolling,
+        ball_restitution=physics.ball_restitution,
+        ball_friction=physics.ball_friction,
+        ball_friction_slow=physics.ball_friction_slow,
+        ball_friction_decay=physics.ball_friction_decay,
         rail_restitution=physics.rail_restitution,
+        rail_friction=physics.rail_friction,
+        nose_sine=nose_sine,
+        nose_cosine=math.sqrt(1.0 - nose_sine * nose_sine),
+        spin_deceleration=2.5 * physics.spin_friction * physics.gravity / physics.radius,
         cells_x=cells_x,
         cells_y=cells_y,
         cell_width=table.length / cells_x,
@@ -223,6 +259,7 @@ def constants_of(scene: Scene) -> Constants:
         rest_speed=rest_speed,
         least_approach=max(rest_speed, SPEED_ROUNDING),
         cue_contact_time=physics.cue_contact_time,
+        cue_end_mass=physics.cue_end_mass,
         low_speed=math.sqrt(4.0 * (sliding + rolling) * PRESS_HEIGHT),
     )
 

@@ -39,11 +39,33 @@ class Physics:
     rolling_friction: float = quantity(
         0.01, "1", "resistance coefficient of a ball rolling on the cloth", minimum=0.0, maximum=LARGEST
     )
+    ball_restitution: float = quantity(
+        1.0, "1", "share of the normal speed that two balls give back", minimum=0.0, maximum=1.0
+    )
+    ball_friction: float = quantity(
+        0.0, "1", "friction coefficient of two balls that slip fast: a of a + b exp(-c slip)", minimum=0.0, maximum=1.0
+    )
+    ball_friction_slow: float = quantity(
+        0.0, "1", "what is added to it where they slip slowly: b", minimum=0.0, maximum=1.0
+    )
+    ball_friction_decay: float = quantity(
+        1.088, "s/m", "how fast that falls with their slip: c", minimum=0.0, maximum=LARGEST
+    )
     rail_restitution: float = quantity(
         0.7, "1", "share of the normal speed that a rail gives back", minimum=0.0, maximum=1.0
     )
+    rail_friction: float = quantity(0.0, "1", "friction coefficient of a ball and a rail", minimum=0.0, maximum=1.0)
+    spin_friction: float = quantity(
+        0.0, "1", "friction coefficient of a ball spinning about the vertical", minimum=0.0, maximum=LARGEST
+    )
     cue_contact_time: float = quantity(
         0.01, "s", "time for which the cue tip pushes the ball", minimum=SMALLEST, maximum=LARGEST
+    )
+    cue_end_mass: float = quantity(
+        0.0, "kg", "mass at the tip that english pushes aside: squirt; 0: none", minimum=0.0, maximum=LARGEST
+    )
+    miscue_limit: float = quantity(
+        1.0, "radii", "largest distance of the tip from the middle of the ball", above=0.0, maximum=1.0
     )
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_sim.engine import machine
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.kernels.orientation import Turns, turn_along, turn_each
-from billiards_sim.engine.moment import inner_time
+from billiards_sim.engine.moment import SPINS, inner_time, spins_after
 from billiards_sim.engine.quantity import float_array, listed, shown
 from billiards_sim.engine.recorder import Recorder
 from billiards_sim.engine.scene import Scene
@@ -28,7 +28,7 @@ CHORD = 2e-4
 pixel where a table fills a screen."""
 
 
-TURN = ("time", "wx", "wy", "wz", "alpha_x", "alpha_y", "qx", "qy", "qz", "qw")
+TURN = ("time", "wx", "wy", "wz", "alpha_x", "alpha_y", "alpha_z", "qx", "qy", "qz", "qw")
 
 
 class Run:
@@ -61,8 +61,7 @@ class Run:
         self._places = columns(arcs, "x", "y")[by_ball]
         self._velocities = columns(arcs, "vx", "vy")[by_ball]
         self._accelerations = columns(arcs, "ax", "ay")[by_ball]
-        self._spins = columns(arcs, "wx", "wy", "wz")[by_ball]
-        self._spin_rates = columns(arcs, "alpha_x", "alpha_y")[by_ball]
+        self._spins = columns(arcs, *SPINS)[by_ball]
         self._orientations = orientations
 
     def positions(self, times: ArrayLike) -> Array:
@@ -89,9 +88,7 @@ class Run:
             ValueError: as `positions`.
         """
         arcs, ages = self._arcs(times)
-        spins = self._spins[arcs]
-        spins[..., 0:2] += self._spin_rates[arcs] * ages
-        return spins
+        return spins_after(self._spins[arcs], ages)
 
     def orientations(self, times: ArrayLike) -> Array:
         """(T, N, 4) unit quaternions x y z w, at times (T,), s: how each ball is turned.
@@ -198,11 +195,11 @@ class Run:
         begun, spins = self._times.copy(), self._spins.copy()
         for first in self._first[:-1]:
             age = max(start - begun[first], 0.0)
-            spins[first, 0:2] += self._spin_rates[first] * age
+            spins[first, 0:3] = spins_after(spins[first], np.array([age]))
             begun[first] += age
         orientations = np.zeros((len(begun), 4))
         orientations[self._first[:-1]] = IDENTITY  # those of later arcs follow
-        turns = _turns(np.column_stack((begun, spins, self._spin_rates, orientations)))
+        turns = _turns(np.column_stack((begun, spins, orientations)))
         machine.call(turn_along, turns)
         return columns(turns.turns, *TURN)
 

@@ -24,7 +24,18 @@ from billiards_sim.engine.kernels.orientation import turn_all
 from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, Record
 from billiards_sim.engine.kernels.strike import strike
 from billiards_sim.engine.kernels.trajectory import run_followed
-from billiards_sim.engine.moment import LastShot, Mark, Moment, begun_anew, copied, fetched, start, stored
+from billiards_sim.engine.moment import (
+    SPINS,
+    LastShot,
+    Mark,
+    Moment,
+    begun_anew,
+    copied,
+    fetched,
+    spins_after,
+    start,
+    stored,
+)
 from billiards_sim.engine.quantity import listed, seconds, shown
 from billiards_sim.engine.recorder import Recorder, blank_tape
 from billiards_sim.engine.scene import Scene, Shot
@@ -173,9 +184,7 @@ class Simulation:
     @property
     def angular_velocities(self) -> NDArray[np.float64]:
         """(N, 3) rad/s, a copy."""
-        spins = columns(self._now.state.balls, "wx", "wy", "wz")
-        spins[:, 0:2] += columns(self._now.state.balls, "alpha_x", "alpha_y") * self._ages()
-        return spins
+        return spins_after(columns(self._now.state.balls, *SPINS), self._ages())
 
     @property
     def orientations(self) -> NDArray[np.float64]:
@@ -195,8 +204,13 @@ class Simulation:
 
     @property
     def at_rest(self) -> bool:
-        """Whether every ball rests. A ball that spins about the vertical on the spot rests."""
-        return bool(column(self._now.state.balls, "phase").max() <= AT_REST)
+        """Whether nothing can change a position or a spin any more.
+
+        A ball that spins about the vertical on the spot rests where nothing slows its spin.
+        """
+        if column(self._now.state.balls, "phase").max() > AT_REST:
+            return False
+        return self._scene.physics.spin_friction == 0.0 or not self.angular_velocities.any()
 
     @property
     def in_play(self) -> NDArray[np.bool_]:
@@ -250,17 +264,17 @@ class Simulation:
         """Hit a resting ball with the cue (paper equations 1 to 12). The clock does not move.
 
         Args:
-            force: (x, y, z) N, constant for `physics.cue_contact_time`; z must be 0.
+            force: (x, y, z) N, constant for `physics.cue_contact_time`; z < 0: the butt is raised.
             offset: where the tip hits, (sideways, up) m from the ball's centre in the shot's own frame: x' along the
-                force, y' to its left, z' up.
+                force, y' to its left, z' up, across the cue.
             ball: its name.
 
         The displacement during the contact (equation 3) stops short where a ball or a rail is in the way; the impulse
         is delivered whole. The "shot" event is the first of the next `advance` or `run`.
 
         Raises:
-            ValueError: no such ball, the ball moves or is not in play, a force that is zero, not finite or not
-                horizontal, an offset off the ball. Nothing changes then.
+            ValueError: no such ball, the ball moves or is not in play, a force that is zero, not finite or points up,
+                an offset off the ball or beyond the miscue limit. Nothing changes then.
         """
         if ball not in self._scene.names:
             raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
@@ -339,8 +353,8 @@ class Simulation:
                     f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                     f"{physics.rolling_friction:g}: give run() a time `until`"
                 )
-            self._play(INF, budget, recorder)
-            played = False  # no further than the last event
+            played = self._play(INF, budget, recorder)
+            asked, rest = self._now.at_rest_since() if played else (0.0, 0.0)
         else:
             end = seconds("until", until, self.time, f"a finite time >= now, {self.time:.9g} s")
             asked, rest = self._now.at(end)
@@ -357,7 +371,7 @@ class Simulation:
         if self._now.last_shot is None:
             return self._scene
         before, blow, ball = self._now.last_shot
-        shot = Shot((blow.fx, blow.fy, 0.0), (blow.side, blow.up), ball)
+        shot = Shot((blow.fx, blow.fy, blow.fz), (blow.side, blow.up), ball)
         return replace(self._at(before).scene(), name=f"{self._scene.name} before a shot".strip(), shot=shot)
 
     def _at(self, moment: Moment) -> Simulation:

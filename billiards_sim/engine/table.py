@@ -13,12 +13,15 @@ class Table:
     """A rectangular table without pockets; the defaults are the paper's 8 ft table.
 
     Frame `table`: origin at the outer corner of the rails, x along the length, y along the width, z up, z = 0 on the
-    cloth. All values are m. A value out of bounds raises `ValueError`.
+    cloth. All values but `nose_height` are m. A value out of bounds raises `ValueError`.
     """
 
     length: float = quantity(2.34, "m", "playing area along x, nose to nose", above=0.0, maximum=1e4)
     width: float = quantity(1.17, "m", "playing area along y, nose to nose", above=0.0, maximum=1e4)
     rail_thickness: float = quantity(0.0508, "m", "outer edge of a rail to its nose", minimum=0.0, maximum=1e4)
+    nose_height: float = quantity(
+        0.5, "diameters", "height of a rail's nose over the cloth, in diameters of a ball", minimum=0.3, maximum=0.8
+    )
 
     def __post_init__(self) -> None:
         check_quantities(self)

@@ -5,7 +5,8 @@ Generalized reflections (Smith, Kaufman, Vouga, Tamstorf and Grinspun, "Reflecti
 contacts that close are stopped together by the smallest impulses that do it, and the same impulses, times the
 restitution, are given once more. That reflects the velocity at the face of what is allowed, so momentum and, among
 balls, energy are kept, and their symmetry too. Contacts that close after that are reflected in turn, which carries a
-shock through a row of balls, until none closes. The result does not depend on the order of the balls.
+shock through a row of balls, until none closes. After each reflection its contacts rub together. The result does not
+depend on the order of the balls.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import math
 from .feature import normal_of
 from .impact import normal_between
 from .kernel import kernel
+from .law.cushion import rub_at_cushion, slip_at_cushion
+from .law.throw import friction_at, rub_pair, rubs, slip_of_pair
 from .settle import advance_to
 from .state import Constants, Impact, State
 
@@ -23,6 +26,9 @@ CLOSING_ROUNDING = 1e-14
 
 STOPPING_ROUNDING = 4e-16
 """Relative to the same: accuracy of the impulses that are solved together."""
+
+SLIP_ROUNDING = 1e-15
+"""Relative to the fastest slip in the cluster: accuracy of the tangential impulses that are solved together."""
 
 GAIN_ROUNDING = 1e-13
 """Relative: a bounce that gives this much more than was there is rounding."""
@@ -104,6 +110,8 @@ def reflect(state: State, constants: Constants, count: int) -> None:
             if worst <= enough:
                 break
         _bounce(state, constants, count)
+        if rubs(constants) or constants.rail_friction > 0.0:
+            _rub(state, constants, count)
 
 
 @kernel
@@ -128,9 +136,85 @@ def _bounce(state: State, constants: Constants, count: int) -> None:
             bounce = _restitution(row, constants) * row.stopping
             if part < 1.0:
                 _kick(state, row, (part - 1.0) * bounce)
-            row.impulse += constants.mass * (row.stopping + part * bounce)
+            row.stopping += part * bounce
+            row.impulse += constants.mass * row.stopping
 
 
 @kernel
 def _restitution(row: Impact, constants: Constants) -> float:
-    return 1.0 if row.second >= 0 else constants.rail_restitution
+    # Along the horizontal normal. Of what comes back from a tilted nose the vertical part is dropped.
+    if row.second >= 0:
+        return constants.ball_restitution
+    if constants.nose_sine == 0.0:
+        return constants.rail_restitution
+    return (1.0 + constants.rail_restitution) * constants.nose_cosine * constants.nose_cosine - 1.0
+
+
+@kernel
+def _rub(state: State, constants: Constants, count: int) -> None:
+    # Friction of all contacts of a reflection at once: the tangential impulses within Coulomb's bounds that leave the
+    # least kinetic energy, by sweeps over them (projected Gauss-Seidel). There is one such motion whatever the order,
+    # and as it begins at none, none gains.
+    most = 0.0
+    for c in range(count):
+        row = state.impacts[c]
+        row.along = 0.0
+        row.over = 0.0
+        row.grip = 0.0
+        if row.stopping > 0.0:
+            along, over = _slip(state, row, constants)
+            slip = math.sqrt(along * along + over * over)
+            row.grip = row.stopping * _friction(row, slip, constants)
+            most = max(most, slip)
+    for _ in range(MAX_SWEEPS):
+        state.clock[0].work += count
+        worst = 0.0
+        for c in range(count):
+            row = state.impacts[c]
+            if row.grip > 0.0:
+                worst = max(worst, _rub_contact(state, row, constants))
+        if worst <= SLIP_ROUNDING * most:
+            break
+    for c in range(count):
+        row = state.impacts[c]
+        state.balls[row.first].vz = 0.0
+        if row.second >= 0:
+            state.balls[row.second].vz = 0.0
+
+
+@kernel
+def _rub_contact(state: State, row: Impact, constants: Constants) -> float:
+    # Give one contact the tangential impulse that ends its slip, or as much as it can take; returns the change, m/s.
+    along, over = _slip(state, row, constants)
+    share = 1.0 / 7.0 if row.second >= 0 else 2.0 / 7.0
+    new_along = row.along - share * along
+    new_over = row.over - share * over
+    size = math.sqrt(new_along * new_along + new_over * new_over)
+    if size > row.grip:
+        new_along *= row.grip / size
+        new_over *= row.grip / size
+    change_along = new_along - row.along
+    change_over = new_over - row.over
+    row.along = new_along
+    row.over = new_over
+    first = state.balls[row.first]
+    nx, ny = row.normal_x, row.normal_y
+    if row.second >= 0:
+        rub_pair(first, state.balls[row.second], nx, ny, change_along, change_over, constants.radius)
+    else:
+        rub_at_cushion(first, nx, ny, change_along, change_over, constants)
+    return max(abs(change_along), abs(change_over))
+
+
+@kernel
+def _slip(state: State, row: Impact, constants: Constants) -> tuple[float, float]:
+    first = state.balls[row.first]
+    if row.second >= 0:
+        return slip_of_pair(first, state.balls[row.second], row.normal_x, row.normal_y, constants.radius)
+    return slip_at_cushion(first, row.normal_x, row.normal_y, constants)
+
+
+@kernel
+def _friction(row: Impact, slip: float, constants: Constants) -> float:
+    # Over the impulse along the horizontal normal.
+    return friction_at(slip, constants) if row.second >= 0 else constants.rail_friction / constants.nose_cosine

@@ -6,7 +6,9 @@ from __future__ import annotations
 import math
 
 from .kernel import kernel
+from .law.cushion import bounce_off_cushion, tilts_or_rubs
 from .law.restitution import reflect_ball, reflect_pair
+from .law.throw import rubs, throw
 from .state import Ball, Constants
 
 
@@ -28,10 +30,15 @@ def approach_speed(first: Ball, second: Ball, nx: float, ny: float) -> float:
 @kernel
 def collide_pair(first: Ball, second: Ball, nx: float, ny: float, approach: float, constants: Constants) -> float:
     """Give two balls their velocities after an impact; returns the impulse along the normal, N s."""
-    return reflect_pair(first, second, nx, ny, approach, constants)
+    impulse = reflect_pair(first, second, nx, ny, approach, constants)
+    if rubs(constants):
+        throw(first, second, nx, ny, impulse / constants.mass, constants)
+    return impulse
 
 
 @kernel
 def collide_feature(ball: Ball, nx: float, ny: float, constants: Constants) -> float:
     """Give a ball its velocity after an impact on what stands on the table; returns the impulse, N s."""
+    if tilts_or_rubs(constants):
+        return bounce_off_cushion(ball, nx, ny, constants)
     return reflect_ball(ball, nx, ny, constants)

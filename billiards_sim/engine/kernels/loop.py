@@ -25,6 +25,7 @@ from .feature import normal_of, place_on, predict_feature
 from .impact import approach_speed, collide_feature, collide_pair, normal_between
 from .island import gather_cluster, hold, is_held, release_ball
 from .kernel import kernel
+from .law.spin import slow_spin
 from .log import log_event, log_impact
 from .motion import begin_motion, end_phase, mark, phase_of
 from .press import update_contacts
@@ -208,6 +209,8 @@ def _resume(state: State, constants: Constants, now: float) -> None:
         ball.changed = False
         if ball.held == 0:
             begin_motion(ball, phase_of(ball, constants), constants)
+        if constants.spin_deceleration > 0.0:
+            slow_spin(ball, constants)
         _report_phase(state, i, now)
         predict_feature(state, constants, ball)
         predict_border(ball, constants, now)

@@ -7,7 +7,7 @@ Sliding, u != 0: friction -mu_s m g u/|u| gives a = -mu_s g u/|u| and, with I = 
 dw/dt = (r x F)/I = 5/2 mu_s g/R (-uy, ux)/|u|. Both change u along itself, so its direction stays and |u| falls at
 7/2 mu_s g: the path is a parabola, slip ends after 2|u|/(7 mu_s g) with v - 2/7 u.
 Rolling, u = 0: a = -mu_r g v/|v| with w = (-vy, vx)/R, until v = 0.
-Rest. The spin wz about the vertical has no friction and keeps its value.
+Rest. The spin wz about the vertical does not enter: `law.spin`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from .kernel import kernel
+from .law.spin import spin_after
 from .state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants, State
 
 SLIP_SHARE = 2.0 / 7.0
@@ -78,6 +79,8 @@ def anchor(ball: Ball, time: float) -> None:
     ball.vx, ball.vy = velocity_at(ball, time)
     ball.wx += ball.alpha_x * dt
     ball.wy += ball.alpha_y * dt
+    if ball.alpha_z != 0.0:
+        ball.wz = spin_after(ball.wz, ball.alpha_z, dt)
     ball.time = time
 
 

@@ -37,6 +37,7 @@ class Turn:
     wz: float = 0.0
     alpha_x: float = 0.0  # rad/s^2
     alpha_y: float = 0.0
+    alpha_z: float = 0.0  # until wz is 0
     end: float = 0.0  # s, until when `turn_each` turns
     qx: float = 0.0
     qy: float = 0.0
@@ -88,41 +89,58 @@ def follow(state: State, turns: Turns) -> None:
         turn.wz = ball.wz
         turn.alpha_x = ball.alpha_x
         turn.alpha_y = ball.alpha_y
+        turn.alpha_z = ball.alpha_z
 
 
 @kernel
 def _turn_from(before: Turn, turn: Turn) -> None:
     # Give a turn the orientation that the one before it, of the same ball, leads to.
-    time, wx, wy, wz, alpha_x, alpha_y = turn.time, turn.wx, turn.wy, turn.wz, turn.alpha_x, turn.alpha_y
+    time, wx, wy, wz = turn.time, turn.wx, turn.wy, turn.wz
+    alpha_x, alpha_y, alpha_z = turn.alpha_x, turn.alpha_y, turn.alpha_z
     turn.time = before.time
     turn.wx = before.wx
     turn.wy = before.wy
     turn.wz = before.wz
     turn.alpha_x = before.alpha_x
     turn.alpha_y = before.alpha_y
+    turn.alpha_z = before.alpha_z
     turn.qx = before.qx
     turn.qy = before.qy
     turn.qz = before.qz
     turn.qw = before.qw
     _turn_to(turn, time)
-    turn.wx, turn.wy, turn.wz, turn.alpha_x, turn.alpha_y = wx, wy, wz, alpha_x, alpha_y
+    turn.wx, turn.wy, turn.wz = wx, wy, wz
+    turn.alpha_x, turn.alpha_y, turn.alpha_z = alpha_x, alpha_y, alpha_z
 
 
 @kernel
 def _turn_to(turn: Turn, time: float) -> None:
+    if turn.alpha_z != 0.0:
+        stop = turn.time - turn.wz / turn.alpha_z
+        if stop < time:  # its spin about the vertical ends before
+            _turn_steadily(turn, max(stop, turn.time))
+            turn.wz = 0.0
+            turn.alpha_z = 0.0
+    _turn_steadily(turn, time)
+
+
+@kernel
+def _turn_steadily(turn: Turn, time: float) -> None:
     duration = time - turn.time
     turn.time = time
     if duration == 0.0:
         return
-    # a x b, with b horizontal
-    cross_x = -turn.wz * turn.alpha_y
-    cross_y = turn.wz * turn.alpha_x
+    # a x b
+    cross_x = turn.wy * turn.alpha_z - turn.wz * turn.alpha_y
+    cross_y = turn.wz * turn.alpha_x - turn.wx * turn.alpha_z
     cross_z = turn.wx * turn.alpha_y - turn.wy * turn.alpha_x
     cross = math.sqrt(cross_x * cross_x + cross_y * cross_y + cross_z * cross_z)
     end_x = turn.wx + turn.alpha_x * duration
     end_y = turn.wy + turn.alpha_y * duration
     rate = math.sqrt(max(turn.wx * turn.wx + turn.wy * turn.wy, end_x * end_x + end_y * end_y) + turn.wz * turn.wz)
-    angular_acceleration = math.sqrt(turn.alpha_x * turn.alpha_x + turn.alpha_y * turn.alpha_y)
+    angular_acceleration = math.sqrt(
+        turn.alpha_x * turn.alpha_x + turn.alpha_y * turn.alpha_y + turn.alpha_z * turn.alpha_z
+    )
     steps = 1
     if cross > PARALLEL_ROUNDING * rate * angular_acceleration:
         steps = 1 + int(rate * duration / MOST_TURN)
@@ -133,10 +151,11 @@ def _turn_to(turn: Turn, time: float) -> None:
             turn,
             h * (turn.wx + 0.5 * h * turn.alpha_x) - twist * cross_x,
             h * (turn.wy + 0.5 * h * turn.alpha_y) - twist * cross_y,
-            h * turn.wz - twist * cross_z,
+            h * (turn.wz + 0.5 * h * turn.alpha_z) - twist * cross_z,
         )
         turn.wx += h * turn.alpha_x  # a x b stays what it is
         turn.wy += h * turn.alpha_y
+        turn.wz += h * turn.alpha_z
 
 
 @kernel

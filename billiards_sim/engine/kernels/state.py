@@ -79,6 +79,8 @@ class Ball:
     wz: float = 0.0
     alpha_x: float = 0.0  # rad/s^2
     alpha_y: float = 0.0
+    alpha_z: float = 0.0  # until wz is 0
+    vz: float = 0.0  # m/s, during an impact alone
     phase_end: float = 0.0  # s, when the phase, or a step of a sustained contact, ends
     feature_time: float = 0.0  # s, when it meets a feature at the earliest
     feature: int = 0  # that feature
@@ -121,6 +123,9 @@ class Impact:
     closing: float = 0.0  # m/s, at the start of a reflection
     stopping: float = 0.0  # m/s, impulse per mass that stops it in one reflection
     impulse: float = 0.0  # N s
+    grip: float = 0.0  # m/s, largest tangential impulse per mass in one reflection
+    along: float = 0.0  # m/s, that impulse, along the horizontal tangent
+    over: float = 0.0  # and across it
 
 
 @dataclass(slots=True)
@@ -177,7 +182,15 @@ class Constants:
     radius: float = 0.0  # m
     sliding: float = 0.0  # m/s^2, deceleration of a sliding ball, mu_s g
     rolling: float = 0.0  # m/s^2, deceleration of a rolling ball, mu_r g
+    ball_restitution: float = 0.0
+    ball_friction: float = 0.0
+    ball_friction_slow: float = 0.0
+    ball_friction_decay: float = 0.0  # s/m
     rail_restitution: float = 0.0
+    rail_friction: float = 0.0
+    nose_sine: float = 0.0  # of the angle by which the nose's normal is tilted down
+    nose_cosine: float = 0.0
+    spin_deceleration: float = 0.0  # rad/s^2, of the spin about the vertical
     cells_x: int = 0  # number of cells along x
     cells_y: int = 0
     cell_width: float = 0.0  # m
@@ -185,6 +198,7 @@ class Constants:
     rest_speed: float = 0.0  # m/s, a ball or a slip this slow has stopped
     least_approach: float = 0.0  # m/s, bodies in touch that approach no faster do not
     cue_contact_time: float = 0.0  # s
+    cue_end_mass: float = 0.0  # kg
     low_speed: float = 0.0  # m/s, faster bounces rise above PRESS_HEIGHT, whatever friction does
 
 

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cue shot (paper equations 1 to 12), in the shot's own frame: x' along the force, y' to its left, z' up.
 
-The cue is level and pushes with a constant force F for its contact time T. With the tip at
-r = (-sqrt(R^2 - side^2 - up^2), side, up) the torque r x F is (0, up F, -side F).
+The cue pushes with a constant force F for its contact time T. Level, with the tip at
+r = (-sqrt(R^2 - side^2 - up^2), side, up), its torque r x F is (0, up F, -side F). With the butt raised by an angle, x'
+points down by it and z' leans forward: the same torque is then (-side F sin, up F, -side F cos) along the table, to the
+left and up, the ball gets F T/m cos along the table, and the cloth takes the part that points down, without friction
+(Coriolis 1835).
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from .detection import contact_time, rail_contact_time
 from .feature import normal_of, overlap_with
 from .island import release_ball
 from .kernel import kernel
+from .law.squirt import squirt
 from .log import log_event
 from .motion import place_at
 from .settle import advance_to
@@ -33,6 +37,7 @@ def begin_anew(state: State) -> None:
         ball.wy = 0.0
         ball.alpha_x = 0.0
         ball.alpha_y = 0.0
+        ball.alpha_z = 0.0
         ball.held = 0
         ball.held_at = 0
         ball.reported = AT_REST
@@ -51,11 +56,22 @@ def begin_anew(state: State) -> None:
 
 @kernel
 def strike(
-    state: State, i: int, now: float, x: float, y: float, fx: float, fy: float, force: float, side: float, up: float
+    state: State,
+    i: int,
+    now: float,
+    x: float,
+    y: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    along: float,
+    side: float,
+    up: float,
 ) -> None:
     """Hit ball i, which rests at (x, y) m, and log it; the events before are taken from the log.
 
-    (fx, fy) N is the force and `force` its size; the tip hits `side` and `up` m from the centre.
+    (fx, fy, fz) N is the force and `along` the size of its part along the table; the tip hits `side` and `up` m from
+    the centre, across the cue.
     """
     constants = state.constants[0]
     clock = state.clock[0]
@@ -69,23 +85,34 @@ def strike(
     way_x = 0.5 * fx / mass * time * time
     way_y = 0.5 * fy / mass * time * time
     way = _free_way(state, i, now, x, y, way_x, way_y)
-    dx, dy = fx / force, fy / force
-    spin_per_offset = force * time / (0.4 * mass * radius * radius)
+    dx, dy = fx / along, fy / along
+    inertia = 0.4 * mass * radius * radius
+    force = along if fz == 0.0 else math.sqrt(along * along + fz * fz)
+    spin_per_up = force * time / inertia
+    spin_per_side = along * time / inertia
     ball = state.balls[i]
     ball.time = now
     ball.x = x + way * way_x
     ball.y = y + way * way_y
     ball.vx = fx / mass * time
     ball.vy = fy / mass * time
-    ball.wx = ball.wx + -dy * up * spin_per_offset
-    ball.wy = ball.wy + dx * up * spin_per_offset
-    ball.wz = ball.wz + -side * spin_per_offset
+    ball.wx = ball.wx + -dy * up * spin_per_up
+    ball.wy = ball.wy + dx * up * spin_per_up
+    ball.wz = ball.wz + -side * spin_per_side
+    if fz < 0.0:
+        spin_ahead = side * fz * time / inertia
+        ball.wx += dx * spin_ahead
+        ball.wy += dy * spin_ahead
+    if constants.cue_end_mass > 0.0:
+        squirt(ball, side, constants)
     ball.phase = SLIDING
     ball.reported = ROLLING
     behind = math.sqrt(max(radius * radius - side * side - up * up, 0.0))
+    if fz < 0.0:
+        behind = (behind * along + up * fz) / force
     tip_x = x + (-behind * dx - side * dy)
     tip_y = y + (-behind * dy + side * dx)
-    log_event(state, now, SHOT, i, NOBODY, tip_x, tip_y, dx, dy, 0.0, force * time)
+    log_event(state, now, SHOT, i, NOBODY, tip_x, tip_y, dx, dy, 0.0, along * time)
 
 
 @kernel

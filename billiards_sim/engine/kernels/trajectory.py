@@ -34,6 +34,7 @@ class Arc:
     wz: float = 0.0
     alpha_x: float = 0.0  # rad/s^2
     alpha_y: float = 0.0
+    alpha_z: float = 0.0  # until wz is 0
 
 
 @dataclass(slots=True)
@@ -104,6 +105,7 @@ def _has_changed(ball: Ball, arc: Arc) -> bool:
         or ball.wz != arc.wz
         or ball.alpha_x != arc.alpha_x
         or ball.alpha_y != arc.alpha_y
+        or ball.alpha_z != arc.alpha_z
     )
 
 
@@ -121,3 +123,4 @@ def _copy(ball: Ball, arc: Arc) -> None:
     arc.wz = ball.wz
     arc.alpha_x = ball.alpha_x
     arc.alpha_y = ball.alpha_y
+    arc.alpha_z = ball.alpha_z

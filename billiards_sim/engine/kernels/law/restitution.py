@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of the normal velocity comes back: frictionless impulses along the normal (paper equations 43 to 49).
 
-Two balls of equal mass exchange the normal components of their velocities; a rail gives back the normal component
-times its restitution. Spin is untouched, so a ball usually slides afterwards.
+Two balls of equal mass exchange the normal components of their velocities, or keep (1 - e)/2 of them where they are not
+elastic; a rail gives back the normal component times its restitution. Spin is untouched, so a ball usually slides
+afterwards.
 """
 
 from __future__ import annotations
@@ -13,16 +14,17 @@ from ..state import Ball, Constants
 
 @kernel
 def reflect_pair(first: Ball, second: Ball, nx: float, ny: float, approach: float, constants: Constants) -> float:
-    """Exchange the normal velocities of two balls (equations 44 to 49); returns the impulse, N s.
+    """Give two balls what an impulse along the normal does; returns it, N s.
 
-    With v1' = v1 + s n and v2' = v2 - s n, s the approach speed, the components along n are exchanged and momentum is
-    kept to the last bit of the sum.
+    Of two equal masses that approach at a speed s, v1' = v1 + (1 + e)/2 s n and v2' = v2 - (1 + e)/2 s n: with e = 1 the
+    components along n are exchanged (equations 44 to 49). Momentum is kept to the last bit of the sum.
     """
-    first.vx += approach * nx
-    first.vy += approach * ny
-    second.vx -= approach * nx
-    second.vy -= approach * ny
-    return constants.mass * approach
+    change = 0.5 * (1.0 + constants.ball_restitution) * approach
+    first.vx += change * nx
+    first.vy += change * ny
+    second.vx -= change * nx
+    second.vy -= change * ny
+    return constants.mass * change
 
 
 @kernel
