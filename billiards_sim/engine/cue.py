@@ -56,9 +56,8 @@ def checked(force: Sequence[float], offset: Sequence[float], physics: Physics) -
             f"the tip slips off: offset {aside:.9g} m from the centre of the ball, the miscue limit is "
             f"{physics.miscue_limit:.9g} radii, {physics.miscue_limit * physics.radius:.9g} m"
         )
-    speed = math.hypot(along, fz) / physics.mass * physics.cue_contact_time
+    size = math.hypot(along, fz)
+    speed = size / physics.mass * physics.cue_contact_time
     if not speed <= SPEED_LIMIT:
-        raise ValueError(
-            f"force must give the ball a speed <= {SPEED_LIMIT:g} m/s; {math.hypot(along, fz):.9g} N gives {speed:.9g} m/s"
-        )
+        raise ValueError(f"force must give the ball a speed <= {SPEED_LIMIT:g} m/s; {size:.9g} N gives {speed:.9g} m/s")
     return Blow(fx, fy, fz, along, side, up)

@@ -252,6 +252,8 @@ def constants_of(scene: Scene) -> Constants:
         nose_sine=nose_sine,
         nose_cosine=math.sqrt(1.0 - nose_sine * nose_sine),
         spin_deceleration=2.5 * physics.spin_friction * physics.gravity / physics.radius,
+        centre_x=table.centre[0],
+        centre_y=table.centre[1],
         cells_x=cells_x,
         cells_y=cells_y,
         cell_width=table.length / cells_x,
@@ -268,8 +270,9 @@ def begun_anew(moment: Moment) -> Moment:
     """The same on the table, balls at rest and the log taken, as a start: the kernels' clock at 0, no predictions."""
     state = copy_block(moment.state, SCRATCH)
     machine.call(begin_anew, state)
-    turns = copy_block(moment.turns)
+    turns = moment.turns
     if len(turns.turns):
+        turns = copy_block(turns)
         machine.call(turn_all, turns, moment.inner)
         set_columns(turns.turns, ("time",), np.zeros((len(turns.turns), 1)))
     return Moment(state, turns, moment.time, pending=moment.pending, last_shot=moment.last_shot)

@@ -171,9 +171,9 @@ class Simulation:
     @property
     def positions(self) -> NDArray[np.float64]:
         """(N, 2) m, frame `table`, a copy; nan for a ball that is not in play."""
-        dt = self._ages()
-        motion = columns(self._now.state.balls, "x", "y", "vx", "vy", "ax", "ay")
-        return motion[:, 0:2] + (motion[:, 2:4] + 0.5 * motion[:, 4:6] * dt) * dt + self._centre
+        motion = columns(self._now.state.balls, "time", "x", "y", "vx", "vy", "ax", "ay")
+        dt = self._now.inner - motion[:, 0:1]
+        return motion[:, 1:3] + (motion[:, 3:5] + 0.5 * motion[:, 5:7] * dt) * dt + self._centre
 
     @property
     def velocities(self) -> NDArray[np.float64]:
@@ -280,15 +280,11 @@ class Simulation:
             raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
         index = self._scene.names.index(ball)
         blow = cue.checked(force, offset, self._scene.physics)
-        before = self._now.with_log_taken()
-        balls = before.state.balls
         self._check_rests(index)
+        before = self._now.with_log_taken()
         anew = self.at_rest
         now = begun_anew(before) if anew else copied(before)
-        # From where the ball is said to be, whose last bit may be another than that of its centred place.
-        centre_x, centre_y = self._scene.table.centre
-        x, y = get_field(balls, index, "x") + centre_x - centre_x, get_field(balls, index, "y") + centre_y - centre_y
-        machine.call(strike, now.state, index, now.inner, x, y, *blow)
+        machine.call(strike, now.state, index, now.inner, *blow)
         if not anew:  # `rest` is part of the time too
             now = now.with_log_taken()
             set_fields(now.pending[-1], 0, time=before.time)

@@ -191,6 +191,8 @@ class Constants:
     nose_sine: float = 0.0  # of the angle by which the nose's normal is tilted down
     nose_cosine: float = 0.0
     spin_deceleration: float = 0.0  # rad/s^2, of the spin about the vertical
+    centre_x: float = 0.0  # m, of the playing area in the frame `table`
+    centre_y: float = 0.0
     cells_x: int = 0  # number of cells along x
     cells_y: int = 0
     cell_width: float = 0.0  # m

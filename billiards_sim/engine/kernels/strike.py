@@ -59,8 +59,6 @@ def strike(
     state: State,
     i: int,
     now: float,
-    x: float,
-    y: float,
     fx: float,
     fy: float,
     fz: float,
@@ -68,7 +66,7 @@ def strike(
     side: float,
     up: float,
 ) -> None:
-    """Hit ball i, which rests at (x, y) m, and log it; the events before are taken from the log.
+    """Hit ball i, which rests, and log it; the events before are taken from the log.
 
     (fx, fy, fz) N is the force and `along` the size of its part along the table; the tip hits `side` and `up` m from
     the centre, across the cue.
@@ -80,6 +78,10 @@ def strike(
     if clock.begun:
         advance_to(state, constants, i, now)
         release_ball(state, i)
+    ball = state.balls[i]
+    # From where the ball is said to be, whose last bit may be another than that of its centred place.
+    x = ball.x + constants.centre_x - constants.centre_x
+    y = ball.y + constants.centre_y - constants.centre_y
     time = constants.cue_contact_time
     mass, radius = constants.mass, constants.radius
     way_x = 0.5 * fx / mass * time * time
@@ -90,7 +92,6 @@ def strike(
     force = along if fz == 0.0 else math.sqrt(along * along + fz * fz)
     spin_per_up = force * time / inertia
     spin_per_side = along * time / inertia
-    ball = state.balls[i]
     ball.time = now
     ball.x = x + way * way_x
     ball.y = y + way * way_y
