@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from billiards_sim.engine import machine
 from billiards_sim.engine.cue import Blow
+from billiards_sim.engine.elastic import damping, duration_factor, stiffness_of
 from billiards_sim.engine.features import features_of
 from billiards_sim.engine.kernels.loop import CONTACTS_PER_BALL
 from billiards_sim.engine.kernels.orientation import Turns, turn_all
@@ -165,7 +166,7 @@ class Moment(NamedTuple):
         spins = columns(self.state.balls, *SPINS)
         begun = columns(self.state.balls, "time")
         slowing = spins[:, 5] != 0.0
-        end = max(self.inner, *(begun[slowing, 0] - spins[slowing, 2] / spins[slowing, 5]))
+        end = max([self.inner, *(begun[slowing, 0] - spins[slowing, 2] / spins[slowing, 5])])
         while spins_after(spins, end - begun).any():
             end = math.nextafter(end, math.inf)  # the quotient is rounded
         return (end, 0.0) if end > self.inner else (self.asked, self.rest)
@@ -208,6 +209,8 @@ def start(scene: Scene) -> Moment:
         nodes=2 << (count - 1).bit_length(),
         changed=count,
         contacts=CONTACTS_PER_BALL * count + 1,
+        touches=CONTACTS_PER_BALL * count + 1 if constants.stiffness else 0,
+        stages=count if constants.stiffness else 0,
         clock=1,
         constants=1,
         features=len(features),
@@ -234,6 +237,8 @@ def constants_of(scene: Scene) -> Constants:
     sliding = physics.sliding_friction * physics.gravity
     rolling = physics.rolling_friction * physics.gravity
     nose_sine = 2.0 * table.nose_height - 1.0  # (h - R)/R
+    stiffness = stiffness_of(physics)
+    rail_restitution = (1.0 + physics.rail_restitution) * (1.0 - nose_sine * nose_sine) - 1.0
     rest_speed = math.sqrt(2.0 * rolling * REST_DISTANCE) if sliding > 0.0 else 0.0
     side = max(2.0 * physics.radius, math.sqrt(table.length * table.width / count))
     cells_x = 1 if count <= ONE_CELL else max(1, int(table.length / side))
@@ -251,6 +256,10 @@ def constants_of(scene: Scene) -> Constants:
         rail_friction=physics.rail_friction,
         nose_sine=nose_sine,
         nose_cosine=math.sqrt(1.0 - nose_sine * nose_sine),
+        stiffness=stiffness,
+        ball_damping=damping(physics.ball_restitution) * math.sqrt(0.5 * stiffness),
+        rail_damping=damping(max(rail_restitution, 0.0)) * math.sqrt(stiffness),
+        duration_factor=duration_factor(physics.ball_restitution) if stiffness else 0.0,
         spin_deceleration=2.5 * physics.spin_friction * physics.gravity / physics.radius,
         centre_x=table.centre[0],
         centre_y=table.centre[1],

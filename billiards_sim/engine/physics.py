@@ -39,6 +39,10 @@ class Physics:
     rolling_friction: float = quantity(
         0.01, "1", "resistance coefficient of a ball rolling on the cloth", minimum=0.0, maximum=LARGEST
     )
+    youngs_modulus: float = quantity(
+        0.0, "Pa", "of the balls: their contacts take time; 0: rigid", minimum=0.0, maximum=1e13
+    )
+    poisson_ratio: float = quantity(0.34, "1", "of the balls", minimum=0.0, maximum=0.5)
     ball_restitution: float = quantity(
         1.0, "1", "share of the normal speed that two balls give back", minimum=0.0, maximum=1.0
     )

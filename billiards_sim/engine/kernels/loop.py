@@ -29,8 +29,8 @@ from .law.spin import slow_spin
 from .log import log_event, log_impact
 from .motion import begin_motion, end_phase, mark, phase_of
 from .press import update_contacts
-from .schedule import enter_all, predict_pairs
-from .settle import advance_to
+from .schedule import await_step, enter_all, predict_pairs
+from .shock import advance_to, begin_touch, is_near, take_step, takes_time
 from .state import AT_REST, INF, NOBODY, RESTED, ROLLED, ROLLING, SLIDING, Constants, State
 
 DONE = 0
@@ -72,7 +72,10 @@ def run_until(state: State, until: float, taken: int, work: int) -> int:
         clock.passes += 1
         clock.work += 1
         if ball.hit_time == now and ball.hit == NOBODY:
-            predict_pairs(state, constants, i, now)
+            if ball.touches > 0:
+                await_step(state, i)
+            else:
+                predict_pairs(state, constants, i, now)
         elif ball.hit_time == now:
             _meet_ball(state, constants, min(i, ball.hit), max(i, ball.hit), now)
         elif ball.feature_time == now:
@@ -80,8 +83,11 @@ def run_until(state: State, until: float, taken: int, work: int) -> int:
         elif ball.phase_end != now:
             change_cell(state, constants, i)
             predict_border(ball, constants, now)
-            predict_pairs(state, constants, i, now)
-        elif ball.held > 0:
+            if ball.touches > 0:
+                await_step(state, i)
+            else:
+                predict_pairs(state, constants, i, now)
+        elif ball.held > 0 or ball.touches > 0:
             advance_to(state, constants, i, now)
         else:
             end_phase(ball, constants)
@@ -97,6 +103,9 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     first, second = state.balls[i], state.balls[j]
     nx, ny = normal_between(first, second)
     approach = approach_speed(first, second, nx, ny)
+    if takes_time(state, constants, i, j, approach):
+        _touch(state, constants, i, j, now, approach)
+        return
     if approach <= constants.least_approach:
         approach = 0.0
     if presses_pair(first, second, nx, ny, approach, constants):
@@ -115,6 +124,16 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
         _note_impact(state, constants, now, i, j, nx, ny, approach, impulse)
         release_ball(state, i)
         release_ball(state, j)
+
+
+@kernel
+def _touch(state: State, constants: Constants, i: int, j: int, now: float, approach: float) -> None:
+    # What was predicted of a ball whose island went on without a new prediction may be no contact any more.
+    if approach > constants.least_approach and (j < 0 or is_near(state, constants, i, j)):
+        release_ball(state, i)
+        if j >= 0:
+            release_ball(state, j)
+        begin_touch(state, constants, i, j, now, approach)
 
 
 @kernel
@@ -158,6 +177,9 @@ def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float
     nx, ny = normal_of(state, k)
     place_on(state, k, ball)
     approach = -(nx * ball.vx + ny * ball.vy)
+    if takes_time(state, constants, i, -1 - k, approach):
+        _touch(state, constants, i, -1 - k, now, approach)
+        return
     if approach <= constants.least_approach:
         approach = 0.0
     if approach > 0.0:
@@ -198,15 +220,23 @@ def _note_impact(
 def _resume(state: State, constants: Constants, now: float) -> None:
     # Set going every ball that is marked as changed, in sustained contact or free, and predict it again.
     clock = state.clock[0]
-    for k in range(clock.changed):
+    k = 0
+    while k < clock.changed:  # who is run into is marked meanwhile
         i = state.changed[k].ball
         ball = state.balls[i]
         if ball.held > 0 and ball.phase_end <= now:
             update_contacts(state, constants, i, now)
+        elif ball.touches > 0 and ball.phase_end <= now:
+            take_step(state, constants, i, now)
+        k += 1
     for k in range(clock.changed):
         i = state.changed[k].ball
         ball = state.balls[i]
         ball.changed = False
+        if ball.touches > 0:
+            predict_border(ball, constants, now)
+            await_step(state, i)
+            continue
         if ball.held == 0:
             begin_motion(ball, phase_of(ball, constants), constants)
         if constants.spin_deceleration > 0.0:
@@ -215,7 +245,9 @@ def _resume(state: State, constants: Constants, now: float) -> None:
         predict_feature(state, constants, ball)
         predict_border(ball, constants, now)
     for k in range(clock.changed):
-        predict_pairs(state, constants, state.changed[k].ball, now)
+        i = state.changed[k].ball
+        if state.balls[i].touches == 0:
+            predict_pairs(state, constants, i, now)
     clock.changed = 0
 
 

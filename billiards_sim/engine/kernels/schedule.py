@@ -87,6 +87,17 @@ def predict_pairs(state: State, constants: Constants, i: int, now: float) -> Non
 
 
 @kernel
+def await_step(state: State, i: int) -> None:
+    """Have ball i, in an elastic contact, come next at the end of its step: whom it meets until then is found there."""
+    ball = state.balls[i]
+    ball.feature_time = INF
+    ball.hit_time = INF
+    ball.hit = NOBODY
+    ball.horizon = min(ball.phase_end, ball.border_time)
+    reschedule(state, i)
+
+
+@kernel
 def reschedule(state: State, i: int) -> None:
     """Bring the tree up to date with the times of ball i. Of two at the same instant the lower index comes first."""
     balls = state.balls

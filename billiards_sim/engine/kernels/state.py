@@ -74,6 +74,7 @@ class Ball:
     event_time: float = 0.0  # s, the earlier of horizon and hit_time
     phase: int = AT_REST  # or ROLLING, SLIDING, OFF_TABLE
     held: int = 0  # number of sustained contacts
+    touches: int = 0  # number of elastic contacts
     wx: float = 0.0  # rad/s
     wy: float = 0.0
     wz: float = 0.0
@@ -129,6 +130,47 @@ class Impact:
 
 
 @dataclass(slots=True)
+class Touch:
+    """An elastic contact."""
+
+    first: int = 0  # ball
+    second: int = 0  # ball or, for feature k, -1 - k
+    alone: bool = False  # of a pair that nobody else can reach
+    reach: float = 0.0  # m, distance at the first touch: nearer, they press
+    approach: float = 0.0  # m/s, at the first touch
+    normal_x: float = 0.0  # unit, from second to first, at the first touch
+    normal_y: float = 0.0
+    friction: float = 0.0  # coefficient
+    impulse: float = 0.0  # m/s, so far, per mass
+    step_impulse: float = 0.0  # and in the present step
+    kink: bool = False  # the step begins or ends where the touch does
+    along: float = 0.0  # m/s, tangential impulse of a step, per mass
+    over: float = 0.0
+
+
+@dataclass(slots=True)
+class Stage:
+    """A ball in a step of an elastic contact."""
+
+    start_vx: float = 0.0  # m/s, at the start of the step
+    start_vy: float = 0.0
+    cloth_x: float = 0.0  # m/s^2, by the cloth's friction
+    cloth_y: float = 0.0
+    dx: float = 0.0  # m, displacement at a stage of the integration
+    dy: float = 0.0
+    ux: float = 0.0  # m/s, velocity there
+    uy: float = 0.0
+    fx: float = 0.0  # m/s^2, acceleration there
+    fy: float = 0.0
+    before_x: float = 0.0  # m/s^2, at the stage before
+    before_y: float = 0.0
+    place_x: float = 0.0  # sums of accelerations, for place and velocity
+    place_y: float = 0.0
+    speed_x: float = 0.0
+    speed_y: float = 0.0
+
+
+@dataclass(slots=True)
 class Feature:
     """What stands on the table: the line that the centre of a ball reaches where it touches the nose of a rail."""
 
@@ -154,6 +196,7 @@ class Clock:
     work: int = 0  # looks at another ball or at a contact, and passes: what takes the kernels their time
     changed: int = 0  # number of balls whose motion has changed
     contacts: int = 0  # number of sustained contacts
+    touches: int = 0  # number of elastic contacts
     events: int = 0  # number of events in the log
     logged: int = 0  # number of events since the clock was at 0
 
@@ -190,6 +233,10 @@ class Constants:
     rail_friction: float = 0.0
     nose_sine: float = 0.0  # of the angle by which the nose's normal is tilted down
     nose_cosine: float = 0.0
+    stiffness: float = 0.0  # m^-1/2 s^-2, K of `law.hertz` per mass; 0: contacts take no time
+    ball_damping: float = 0.0  # alpha sqrt(m' K) per mass, of two balls
+    rail_damping: float = 0.0  # and of a ball and a rail
+    duration_factor: float = 0.0  # f of two balls
     spin_deceleration: float = 0.0  # rad/s^2, of the spin about the vertical
     centre_x: float = 0.0  # m, of the playing area in the frame `table`
     centre_y: float = 0.0
@@ -215,6 +262,8 @@ class State(NamedTuple):
     nodes: Sequence[Slot]  # of the tree, from 1 on: the first of the two below; the second half are the leaves
     changed: Sequence[Slot]
     contacts: Sequence[Contact]
+    touches: Sequence[Touch]  # one more than there can be; none where contacts take no time
+    stages: Sequence[Stage]  # of each ball; likewise
     clock: Sequence[Clock]
     constants: Sequence[Constants]
     features: Sequence[Feature]

@@ -19,7 +19,7 @@ from .kernel import kernel
 from .law.squirt import squirt
 from .log import log_event
 from .motion import place_at
-from .settle import advance_to
+from .shock import advance_to
 from .state import AT_REST, NOBODY, OFF_TABLE, ROLLING, SHOT, SLIDING, State
 
 
@@ -39,6 +39,7 @@ def begin_anew(state: State) -> None:
         ball.alpha_y = 0.0
         ball.alpha_z = 0.0
         ball.held = 0
+        ball.touches = 0
         ball.held_at = 0
         ball.reported = AT_REST
         ball.bounces = 0
@@ -50,6 +51,7 @@ def begin_anew(state: State) -> None:
     clock.work = 0
     clock.changed = 0
     clock.contacts = 0
+    clock.touches = 0
     clock.events = 0
     clock.logged = 0
 

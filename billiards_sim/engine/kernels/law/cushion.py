@@ -9,9 +9,9 @@ impulse acts: J = -(1 + e) m v.N along N, and across it T against the slip
     s = v - (v.N) N + w x r,
 
 whose parts are s_t along the horizontal tangent t = z x n, and s_b along b = sin theta n + cos theta z. T changes the
-slip by T (1/m + R^2/I) = 7 T/(2 m), so 2/7 m s ends it, and mu J bounds it. The spin changes by (r x T)/I = -(5/2)/(m R) N x T,
-with N x t = sin theta n + cos theta z = b and N x b = -t. The vertical velocity is dropped: the ball stays on the cloth,
-which takes the impulse without friction.
+slip by T (1/m + R^2/I) = 7 T/(2 m), so 2/7 m s ends it, and mu J bounds it. The spin changes by
+(r x T)/I = -(5/2)/(m R) N x T, with N x t = b and N x b = -t. The vertical velocity is dropped: the ball stays on the
+cloth, which takes the impulse without friction.
 
 With h = R and mu = 0 this is the wall of `restitution`.
 """

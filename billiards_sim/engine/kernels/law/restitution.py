@@ -16,8 +16,8 @@ from ..state import Ball, Constants
 def reflect_pair(first: Ball, second: Ball, nx: float, ny: float, approach: float, constants: Constants) -> float:
     """Give two balls what an impulse along the normal does; returns it, N s.
 
-    Of two equal masses that approach at a speed s, v1' = v1 + (1 + e)/2 s n and v2' = v2 - (1 + e)/2 s n: with e = 1 the
-    components along n are exchanged (equations 44 to 49). Momentum is kept to the last bit of the sum.
+    Of two equal masses that approach at a speed s, v1' = v1 + (1 + e)/2 s n and v2' = v2 - (1 + e)/2 s n: with e = 1
+    the components along n are exchanged (equations 44 to 49). Momentum is kept to the last bit of the sum.
     """
     change = 0.5 * (1.0 + constants.ball_restitution) * approach
     first.vx += change * nx
