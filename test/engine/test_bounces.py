@@ -9,6 +9,7 @@ from checks import AT_X_MAX, COMPILED, RADIUS, SLIDING
 from provoke import provoking_scene, ring, square, topspin, towards
 
 import billiards_sim as bs
+from billiards_sim.engine.tables import get_field
 
 MOST_EVENTS = 20_000
 
@@ -82,7 +83,7 @@ def test_bounces_that_have_not_been_many_are_elastic(bounces: int) -> None:
 def test_fast_impact_forgets_the_slow_ones() -> None:
     # A ball whose bounces would soon end is hit: from then on it does what a fresh one does.
     speed, spin = 3e-3, 400.0
-    way = 0.4
+    way = 0.24
     bouncing = bs.Scene(
         [[AT_X_MAX, 0.8], [AT_X_MAX, 0.8 - 2.0 * RADIUS - way]],
         [[speed, 0.0], [0.0, 1.0]],
@@ -92,10 +93,20 @@ def test_fast_impact_forgets_the_slow_ones() -> None:
     hit_time = next(event.time for event in bs.Simulation(bouncing).run(until=1.0) if event.kind == "ball_ball")
     simulation = bs.Simulation(bouncing)
     before = simulation.run(until=hit_time)
-    assert 120 < len([event for event in before if event.kind == "ball_rail"]) < 150
+    assert 70 < len([event for event in before if event.kind == "ball_rail"]) < 88
     fresh = bs.Simulation(simulation.scene())
     later = 0.13
     expected = [event.kind for event in fresh.run(until=later) if event.balls == ("cue",)]
     assert 35 < len(expected) < 48
     assert [event.kind for event in simulation.advance(later) if event.balls == ("cue",)] == expected
     assert simulation.positions == pytest.approx(fresh.positions, abs=1e-9)
+
+
+@pytest.mark.skipif(not COMPILED, reason="takes minutes")
+@pytest.mark.parametrize("seed", [9591, 11179, 11913])
+def test_dense_islands_take_few_steps_to_rest(seed: int) -> None:
+    # Speeds left along the normals, or an overlap that nothing could end, kept such scenes going, even at rest.
+    simulation = bs.Simulation(provoking_scene(seed))
+    simulation.run(budget=60.0)
+    assert simulation.at_rest
+    assert get_field(simulation._now.state.clock, 0, "passes") < 20_000

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 from checks import extremes
+from provoke import frozen_row
 
 import billiards_sim as bs
 
@@ -108,3 +109,34 @@ def test_touching_rack_keeps_the_laws_until_rest(speed: float) -> None:
     assert worst.overlap <= 1e-9
     assert worst.outside <= 1e-9
     assert worst.energy_rise <= 1e-12
+
+
+def test_balls_that_press_each_other_touch_whatever_gap_a_step_has_left_between_them() -> None:
+    # Hit obliquely, a pressed row of which two are 2e-10 m apart does what the same row does with no gaps.
+    row = frozen_row(95)
+    count = len(row)
+    first = row.positions[1] + [2.0 * RADIUS * math.sin(0.5), 0.25]
+    scene = bs.Scene(
+        np.vstack((row.positions, first)),
+        np.vstack((row.velocities, [0.0, -2.0])),
+        np.vstack((row.angular_velocities, [2.0 / RADIUS, 0.0, 0.0])),
+        physics=row.physics,
+    )
+    events = bs.Simulation(scene).run(until=0.2)
+    hit = next(event for event in events if event.kind == "ball_ball" and str(count) in event.balls)
+    simulation = bs.Simulation(scene)
+    simulation.run(until=hit.time - 1e-7)
+    positions = simulation.positions
+    gaps = np.hypot(*np.diff(positions[:count], axis=0).T) - 2.0 * RADIUS
+    assert 1e-11 < gaps.max() < 1e-9
+    for k in range(1, count):
+        positions[k, 0] = positions[k - 1, 0] + math.sqrt(
+            4.0 * RADIUS**2 - np.diff(positions[k - 1 : k + 1, 1])[0] ** 2
+        )
+    touching = bs.Simulation(
+        bs.Scene(positions, simulation.velocities, simulation.angular_velocities, physics=row.physics)
+    )
+    simulation.advance(2e-7)
+    touching.advance(2e-7)
+    assert np.abs(simulation.velocities[:count]).max() > 0.1
+    assert simulation.velocities == pytest.approx(touching.velocities, abs=1e-6)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from checks import AT_X_MAX, AT_Y_MAX, RADIUS, ROLLING, SLIDING, TABLE, depth_at_every_instant, extremes
+from checks import AT_X_MAX, AT_Y_MAX, COMPILED, RADIUS, ROLLING, SLIDING, TABLE, depth_at_every_instant, extremes
 from provoke import frozen_row
 
 import billiards_sim as bs
@@ -242,6 +242,12 @@ def test_row_on_a_rail_does_not_overlap_where_one_ball_stops_beside_a_rolling_on
 def test_pressed_rows_do_not_overlap_at_any_instant(first: int) -> None:
     for seed in range(first, first + 5):
         assert depth_at_every_instant(frozen_row(seed)) <= 1e-9, seed
+
+
+@pytest.mark.skipif(not COMPILED, reason="takes minutes")
+@pytest.mark.parametrize("seed", [98, 1168, 1383, 1484, 1625, 1856, 3105])
+def test_rows_in_which_little_yields_do_not_overlap_at_any_instant(seed: int) -> None:
+    assert depth_at_every_instant(frozen_row(seed), until=20.0) <= 1e-9
 
 
 def test_ball_that_slides_through_a_gap_between_a_rail_and_another_gets_through() -> None:

@@ -12,7 +12,7 @@ What this costs: the height of such a bounce, and its speed. Under a push that c
 c, a bounce keeps v^3/c: it takes 2v/c, in which time c' changes its speed by 2v c'/(3c). So where the push fades the
 bounce vanishes with it, and nothing is lost. Where the push ends at once the bodies would come apart with at most v_n,
 which is lost: a ball rolls no further with it than v_n^2/(2 mu_r g), on the paper's cloth 4e-11 m after 48 slow impacts
-and 2^((n - 48)/5) times as far after n.
+and 2^((n - 48)/2) times as far after n.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PATIENCE = 48
 """Slow impacts of a ball in a row until which each is what it is. A ball that comes to rest on a rail of restitution
 0.7 makes 40."""
 
-DOUBLING = 5
+DOUBLING = 2
 """Further slow impacts that double the height of what counts as a low bounce."""
 
 MOST_DOUBLINGS = 27

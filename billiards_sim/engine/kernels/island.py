@@ -63,6 +63,7 @@ def release(state: State, index: int) -> None:
         following = state.contacts[c + 1]
         state.contacts[c].first = following.first
         state.contacts[c].second = following.second
+        state.contacts[c].push = following.push
 
 
 @kernel
@@ -96,6 +97,7 @@ def gather_island(state: State, i: int) -> tuple[int, int]:
                 continue
             contacts[c].first, contacts[c].second = contacts[found].first, contacts[found].second
             contacts[found].first, contacts[found].second = first, second
+            contacts[c].push, contacts[found].push = contacts[found].push, contacts[c].push
             found += 1
             other = second if first == ball else first
             if other >= 0 and balls[other].member == 0:

@@ -42,8 +42,23 @@ SHORT_STEP = 2e-5
 PLAIN_SWEEPS = 32
 """Sweeps until which pushes are not relaxed: most islands are solved by then."""
 
-OVER_RELAXATION = 1.6
+OVER_RELAXATION = 1.75
 """Of pushes in later sweeps: a long chain needs a third of the sweeps."""
+
+LEAST_MOBILITY = 0.01
+"""Of a push across the one with which a resting ball sets off; less would be right, and take pushes too far at once."""
+
+FIRST_LEAP = 96
+"""Sweeps after which pushes may leap."""
+
+LEAP_SWEEPS = 32
+"""Sweeps between which the pushes are compared."""
+
+STEADY = 0.1
+"""Relative difference of two changes of the pushes in as many sweeps that are as good as one."""
+
+LEAP = 1.0 / STEADY - 1.0
+"""Times the last change: how far pushes go whose changes fall by that much each time."""
 
 MAX_STEP = 1.0
 """s. Where nothing turns, a step may be as long as the motion."""
@@ -194,12 +209,9 @@ def _solve_pushes(state: State, constants: Constants, contacts: int, count: int,
         worst = 0.0
         for c in range(contacts):
             contact = state.contacts[c]
-            first = state.balls[contact.first]
-            nx, ny = contact.normal_x, contact.normal_y
-            total = 1.0 if first.phase == SLIDING else rolling_mobility
+            total = _mobility_along(state.balls[contact.first], contact, rolling_mobility)
             if contact.second >= 0:
-                second = state.balls[contact.second]
-                total += 1.0 if second.phase == SLIDING else rolling_mobility
+                total += _mobility_along(state.balls[contact.second], contact, rolling_mobility)
             if step > 0.0:
                 opened, overlap = _separation_change(state, constants, contact, step)
                 if overlap > LEAST_OVERLAP and sweep < RESTORING_SWEEPS:
@@ -207,16 +219,63 @@ def _solve_pushes(state: State, constants: Constants, contacts: int, count: int,
                 opening = 2.0 * opened / (step * step)
             else:
                 opening = _opening_acceleration(state, contact)
-            new = max(contact.push - relaxation * opening / total, 0.0)
-            change = new - contact.push
-            if change != 0.0:
-                contact.push = new
-                _push(first, change * nx, change * ny, constants)
-                if contact.second >= 0:
-                    _push(state.balls[contact.second], -change * nx, -change * ny, constants)
-                worst = max(worst, abs(change))
+            before = contact.push
+            _set_push(state, contact, max(before - relaxation * opening / total, 0.0), constants)
+            worst = max(worst, abs(contact.push - before))
         if worst <= enough:
             break
+        if sweep >= FIRST_LEAP and sweep % LEAP_SWEEPS == 0:
+            _leap(state, constants, contacts, sweep)
+
+
+@kernel
+def _leap(state: State, constants: Constants, contacts: int, sweep: int) -> None:
+    # Where pushes change by nearly as much in each LEAP_SWEEPS, take them on to where that leads: pushes in a row of
+    # resting balls grow by what little one of them yields in a sweep, until the last one yields.
+    along = 0.0
+    square = 0.0
+    for c in range(contacts):
+        contact = state.contacts[c]
+        change = contact.push - contact.marked if sweep > FIRST_LEAP else 0.0
+        along += change * contact.change
+        square += contact.change * contact.change
+        contact.marked = contact.push
+        contact.change = change
+    if sweep == FIRST_LEAP or abs(along - square) >= STEADY * square:
+        return
+    for c in range(contacts):
+        contact = state.contacts[c]
+        before = contact.push
+        _set_push(state, contact, max(before + LEAP * contact.change, 0.0), constants)
+        contact.marked = contact.push
+        contact.change = 0.0
+
+
+@kernel
+def _set_push(state: State, contact: Contact, push: float, constants: Constants) -> None:
+    change = push - contact.push
+    if change == 0.0:
+        return
+    contact.push = push
+    nx, ny = contact.normal_x, contact.normal_y
+    _push(state.balls[contact.first], change * nx, change * ny, constants)
+    if contact.second >= 0:
+        _push(state.balls[contact.second], -change * nx, -change * ny, constants)
+
+
+@kernel
+def _mobility_along(ball: Ball, contact: Contact, rolling_mobility: float) -> float:
+    # Change of acceleration along a normal by a unit of push along it; of a rolling ball at most.
+    if ball.phase == SLIDING:
+        return 1.0
+    square = ball.push_x * ball.push_x + ball.push_y * ball.push_y
+    if ball.phase == ROLLING or square == 0.0 or (ball.ax == 0.0 and ball.ay == 0.0):
+        return rolling_mobility
+    # It sets off along its push: what is across that only turns it.
+    along = ball.push_x * contact.normal_x + ball.push_y * contact.normal_y
+    share = along * along / square
+    turning = math.sqrt((ball.ax * ball.ax + ball.ay * ball.ay) / square)
+    return max(share * rolling_mobility + (1.0 - share) * turning, LEAST_MOBILITY)
 
 
 @kernel
@@ -297,7 +356,12 @@ def _solve_first_pushes(state: State, constants: Constants, contacts: int, count
     # Pushes of an island at the start of a step.
     balls = state.balls
     for c in range(contacts):
-        state.contacts[c].push = 0.0  # not from where they were: among resting balls any old push would do
+        contact = state.contacts[c]
+        slides = balls[contact.first].phase == SLIDING
+        if contact.second >= 0 and balls[contact.second].phase == SLIDING:
+            slides = True
+        if not slides:
+            contact.push = 0.0  # not from where it was: among resting balls any old push would do
     sliding_off = True
     while sliding_off:
         for k in range(count):

@@ -79,6 +79,8 @@ def settle_velocities(state: State, constants: Constants, contacts: int, count: 
 def _stop_normal_motion(state: State, constants: Constants, contacts: int, count: int) -> None:
     # The smallest kicks along the normals of an island that leave no velocity along any of them, by conjugate
     # gradients: sweeps from contact to contact take thousands where balls in a lattice nearly block each other.
+    for c in range(contacts):
+        state.contacts[c].left = False
     before = INF
     for _ in range(MAX_ITERATIONS):
         state.clock[0].work += contacts
@@ -86,9 +88,7 @@ def _stop_normal_motion(state: State, constants: Constants, contacts: int, count
         if worst <= SPEED_TOLERANCE:
             return
         part = _search(state, contacts, count, square / before)
-        if part == 0.0:
-            return
-        before = square
+        before = square if part > 0.0 else INF
         for k in range(count):
             ball = state.balls[state.members[k].ball]
             _kick(ball, part * ball.push_x, part * ball.push_y, constants.radius)
@@ -96,7 +96,7 @@ def _stop_normal_motion(state: State, constants: Constants, contacts: int, count
 
 @kernel
 def _find_speeds(state: State, contacts: int) -> tuple[float, float]:
-    # At which the contacts of an island open that a kick can change; returns the largest, and the sum of the squares.
+    # At which the contacts of an island open that a kick is to change; returns the largest, and the sum of the squares.
     worst = 0.0
     square = 0.0
     for c in range(contacts):
@@ -104,7 +104,7 @@ def _find_speeds(state: State, contacts: int) -> tuple[float, float]:
         total = mobility(state.balls[contact.first].phase)
         if contact.second >= 0:
             total += mobility(state.balls[contact.second].phase)
-        contact.speed = opening_speed(state, contact) if total > 0.0 else 0.0
+        contact.speed = opening_speed(state, contact) if total > 0.0 and not contact.left else 0.0
         worst = max(worst, abs(contact.speed))
         square += contact.speed * contact.speed
     return worst, square
@@ -113,7 +113,8 @@ def _find_speeds(state: State, contacts: int) -> tuple[float, float]:
 @kernel
 def _search(state: State, contacts: int, count: int, keep: float) -> float:
     # The next search direction, with so much of the one before kept, as kicks of the contacts and of the balls. Returns
-    # how far to go along it, to where the velocities along the normals are least; 0 where its kicks cancel each other.
+    # how far to go along it, to where the velocities along the normals are least. Where its kicks cancel each other
+    # that is nowhere, and the contact of the largest one is left out from then on.
     balls = state.balls
     for k in range(count):
         ball = balls[state.members[k].ball]
@@ -121,11 +122,14 @@ def _search(state: State, contacts: int, count: int, keep: float) -> float:
         ball.push_y = 0.0
     gain = 0.0
     kicks = 0.0
+    most = 0
     for c in range(contacts):
         contact = state.contacts[c]
         contact.kick = keep * contact.kick - contact.speed
         gain -= contact.kick * contact.speed
         kicks += contact.kick * contact.kick
+        if abs(contact.kick) > abs(state.contacts[most].kick):
+            most = c
         first = balls[contact.first]
         first.push_x += contact.kick * contact.normal_x
         first.push_y += contact.kick * contact.normal_y
@@ -137,7 +141,10 @@ def _search(state: State, contacts: int, count: int, keep: float) -> float:
     for k in range(count):
         ball = balls[state.members[k].ball]
         cost += mobility(ball.phase) * (ball.push_x * ball.push_x + ball.push_y * ball.push_y)
-    return gain / cost if cost > LEAST_EFFECT * kicks else 0.0
+    if cost > LEAST_EFFECT * kicks:
+        return gain / cost
+    state.contacts[most].left = True
+    return 0.0
 
 
 @kernel

@@ -107,9 +107,12 @@ class Contact:
     push: float = 0.0  # m/s^2 per mass
     normal_x: float = 0.0  # unit, from second to first
     normal_y: float = 0.0
+    marked: float = 0.0  # m/s^2, the push some sweeps ago
+    change: float = 0.0  # m/s^2, by how much it had changed until then, in as many sweeps
     closes: bool = False  # at the start of a step
     speed: float = 0.0  # m/s at which it opens
     kick: float = 0.0  # m/s, its part of a search direction for the kicks that stop it
+    left: bool = False  # not stopped, since the others stop it but for what no kick of a likely size can
 
 
 @dataclass(slots=True)
