@@ -397,6 +397,7 @@ import signal
 def ring(*_): raise TimeoutError
 signal.signal(signal.SIGALRM, ring)
 heard = 0
+play()
 for attempt in range(40):
     machine._functions.clear(); machine._search, machine._sought = None, False
     signal.setitimer(signal.ITIMER_REAL, 0.001 + 0.002 * attempt)
