@@ -30,7 +30,7 @@ from .log import log_event, log_impact
 from .motion import begin_motion, end_phase, mark, phase_of
 from .press import update_contacts
 from .schedule import await_step, enter_all, predict_pairs
-from .shock import advance_to, begin_touch, is_near, take_step, takes_time
+from .shock import advance_to, begin_touch, presses_for_a_while, take_step, takes_time
 from .state import AT_REST, INF, NOBODY, RESTED, ROLLED, ROLLING, SLIDING, Constants, State
 
 DONE = 0
@@ -104,7 +104,7 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
     nx, ny = normal_between(first, second)
     approach = approach_speed(first, second, nx, ny)
     if takes_time(state, constants, i, j, approach):
-        _touch(state, constants, i, j, now, approach)
+        begin_touch(state, constants, i, j, now, approach)
         return
     if approach <= constants.least_approach:
         approach = 0.0
@@ -124,16 +124,6 @@ def _meet_ball(state: State, constants: Constants, i: int, j: int, now: float) -
         _note_impact(state, constants, now, i, j, nx, ny, approach, impulse)
         release_ball(state, i)
         release_ball(state, j)
-
-
-@kernel
-def _touch(state: State, constants: Constants, i: int, j: int, now: float, approach: float) -> None:
-    # What was predicted of a ball whose island went on without a new prediction may be no contact any more.
-    if approach > constants.least_approach and (j < 0 or is_near(state, constants, i, j)):
-        release_ball(state, i)
-        if j >= 0:
-            release_ball(state, j)
-        begin_touch(state, constants, i, j, now, approach)
 
 
 @kernel
@@ -165,7 +155,7 @@ def _join_all(state: State, constants: Constants, i: int, now: float) -> None:
         if closing > constants.least_approach:
             impulse = constants.mass * closing
             _note_impact(state, constants, now, first, second, impact.normal_x, impact.normal_y, closing, impulse)
-        if not is_held(state, first, second):
+        if not (is_held(state, first, second) or presses_for_a_while(state, first, second)):
             hold(state, first, second)
     advance_to(state, constants, i, now)
 
@@ -178,7 +168,7 @@ def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float
     place_on(state, k, ball)
     approach = -(nx * ball.vx + ny * ball.vy)
     if takes_time(state, constants, i, -1 - k, approach):
-        _touch(state, constants, i, -1 - k, now, approach)
+        begin_touch(state, constants, i, -1 - k, now, approach)
         return
     if approach <= constants.least_approach:
         approach = 0.0
@@ -221,13 +211,14 @@ def _resume(state: State, constants: Constants, now: float) -> None:
     # Set going every ball that is marked as changed, in sustained contact or free, and predict it again.
     clock = state.clock[0]
     k = 0
-    while k < clock.changed:  # who is run into is marked meanwhile
+    while k < clock.changed:
         i = state.changed[k].ball
         ball = state.balls[i]
         if ball.held > 0 and ball.phase_end <= now:
             update_contacts(state, constants, i, now)
         elif ball.touches > 0 and ball.phase_end <= now:
             take_step(state, constants, i, now)
+            k = -1  # who is run into may have been among those before, and new ones are marked
         k += 1
     for k in range(clock.changed):
         i = state.changed[k].ball

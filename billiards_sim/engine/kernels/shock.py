@@ -80,7 +80,7 @@ def takes_time(state: State, constants: Constants, i: int, j: int, approach: flo
     """Whether ball i and ball j, or feature -1 - j, which meet at a speed, m/s, press each other for a while."""
     if constants.stiffness == 0.0:
         return False
-    if state.balls[i].touches > 0 or (j >= 0 and state.balls[j].touches > 0):
+    if presses_for_a_while(state, i, j):
         return True
     if approach <= SLOW:
         return False
@@ -88,19 +88,37 @@ def takes_time(state: State, constants: Constants, i: int, j: int, approach: flo
 
 
 @kernel
-def is_near(state: State, constants: Constants, i: int, j: int) -> bool:
-    """Whether balls i and j, at the same instant, are no further apart than a parabola may be off within a step."""
-    dx, dy = state.balls[i].x - state.balls[j].x, state.balls[i].y - state.balls[j].y
-    return math.sqrt(dx * dx + dy * dy) - 2.0 * constants.radius <= OFF_BY
+def presses_for_a_while(state: State, i: int, j: int) -> bool:
+    """Whether ball i, or ball j, is in an elastic contact; j may be a feature, -1 - j."""
+    return state.balls[i].touches > 0 or (j >= 0 and state.balls[j].touches > 0)
 
 
 @kernel
 def begin_touch(state: State, constants: Constants, i: int, j: int, now: float, approach: float) -> None:
-    """Let ball i and ball j, or feature -1 - j, which meet now, press each other."""
+    """Let ball i and ball j, or feature -1 - j, which meet now, press each other.
+
+    Unless they do so already, or do not meet: where an island has gone on without a new prediction of others, what was
+    predicted of its balls may be wrong.
+    """
+    if approach <= constants.least_approach or _is_touching(state, i, j) or _is_off(state, constants, i, j):
+        return
+    release_ball(state, i)
+    if j >= 0:
+        release_ball(state, j)
     touch = _add_touch(state, constants, i, j)
-    if j >= 0 and state.balls[i].touches == 1 and state.balls[j].touches == 1:
-        if not _has_company(state, constants, i, j, approach):
-            _keep_together(state, constants, touch, now)
+    if j < 0 or state.balls[i].touches > 1 or state.balls[j].touches > 1:
+        return
+    if not _has_company(state, constants, i, j, approach):
+        _keep_together(state, constants, touch, now)
+
+
+@kernel
+def _is_off(state: State, constants: Constants, i: int, j: int) -> bool:
+    # Whether balls i and j are further apart than a parabola may be off within a step.
+    if j < 0:
+        return False
+    dx, dy = state.balls[i].x - state.balls[j].x, state.balls[i].y - state.balls[j].y
+    return math.sqrt(dx * dx + dy * dy) - 2.0 * constants.radius > OFF_BY
 
 
 @kernel
@@ -404,10 +422,11 @@ def _drop_ended(state: State, constants: Constants, touches: int, now: float, al
         fastest = max(fastest, free_speed(depth, _opening(state, touch), _share(touch), constants))
     rigid = fastest <= SLOW and not alone
     if rigid:
-        _separate(state, touches)
+        _separate(state, constants, touches, now)
     for c in range(touches - 1, -1, -1):
         touch = state.touches[c]
-        ended = touch.reach - _gap(state, touch) <= LEAST_DEPTH and _opening(state, touch) >= 0.0
+        depth = touch.reach - _gap(state, touch)
+        ended = depth <= LEAST_DEPTH and (_opening(state, touch) >= 0.0 or depth < -LEAST_DEPTH)
         if ended or rigid or alone:
             _drop(state, constants, c, now)
 
@@ -436,26 +455,58 @@ def _drop(state: State, constants: Constants, c: int, now: float) -> None:
 
 
 @kernel
-def _separate(state: State, touches: int) -> None:
-    # Move the balls of an island apart until none overlaps more than when it began to touch.
+def _separate(state: State, constants: Constants, touches: int, now: float) -> None:
+    # Move the balls of an island apart until none overlaps, with those that stand in their way.
+    for c in range(touches):
+        touch = state.touches[c]
+        state.stages[touch.first].moved = True
+        if touch.second >= 0:
+            state.stages[touch.second].moved = True
     for _ in range(SEPARATING_SWEEPS):
         worst = 0.0
-        for c in range(touches):
-            touch = state.touches[c]
-            depth = touch.reach - _gap(state, touch)
-            if depth > 0.0:
-                nx, ny = _normal(state, touch)
-                move = depth / _share(touch)
-                first = state.balls[touch.first]
-                first.x += move * nx
-                first.y += move * ny
-                if touch.second >= 0:
-                    second = state.balls[touch.second]
-                    second.x -= move * nx
-                    second.y -= move * ny
-                worst = max(worst, depth)
+        for i in range(len(state.balls)):
+            if state.stages[i].moved:
+                worst = max(worst, _move_off(state, constants, i, now))
         if worst <= NEAR:
-            return
+            break
+    for i in range(len(state.balls)):
+        state.stages[i].moved = False
+
+
+@kernel
+def _move_off(state: State, constants: Constants, i: int, now: float) -> float:
+    # Move a ball off whom it overlaps with; returns the largest overlap, m.
+    ball = state.balls[i]
+    worst = 0.0
+    for k in range(len(state.features)):
+        depth = overlap_with(state, k, ball.x, ball.y)
+        if depth > NEAR:
+            nx, ny = normal_of(state, k)
+            ball.x += depth * nx
+            ball.y += depth * ny
+            worst = max(worst, depth)
+    j = first_neighbour(state, constants, i)
+    while j != NOBODY:
+        other = state.balls[j]
+        if j != i and other.phase != OFF_TABLE:
+            x, y = place_at(other, now)
+            dx, dy = ball.x - x, ball.y - y
+            distance = math.sqrt(dx * dx + dy * dy)
+            depth = 2.0 * constants.radius - distance
+            if depth > NEAR:
+                worst = max(worst, depth)
+                yields = state.stages[j].moved or other.touches == 0
+                if not state.stages[j].moved and yields:
+                    settle_to(state, constants, j, now)
+                    state.stages[j].moved = True
+                part = 0.5 * depth / distance if yields else depth / distance
+                ball.x += part * dx
+                ball.y += part * dy
+                if yields:
+                    other.x -= part * dx
+                    other.y -= part * dy
+        j = next_neighbour(state, constants, i, j)
+    return worst
 
 
 @kernel
@@ -512,18 +563,18 @@ def _touch_neighbours(state: State, constants: Constants, i: int, now: float) ->
     for k in range(len(state.features)):
         nx, ny = normal_of(state, k)
         closing = -(ball.vx * nx + ball.vy * ny)
-        if closing > constants.least_approach and -overlap_with(state, k, ball.x, ball.y) <= NEAR:
-            if not _is_touching(state, i, -1 - k):
-                _add_touch(state, constants, i, -1 - k)
-                return True
+        meets = closing > constants.least_approach and -overlap_with(state, k, ball.x, ball.y) <= NEAR
+        if meets and not _is_touching(state, i, -1 - k):
+            _add_touch(state, constants, i, -1 - k)
+            return True
     j = first_neighbour(state, constants, i)
     while j != NOBODY:
-        if j != i and state.balls[j].phase != OFF_TABLE and _closes_on(state, constants, i, j, now):
-            if not _is_touching(state, i, j):
-                advance_to(state, constants, j, now)
-                release_ball(state, j)
-                _add_touch(state, constants, min(i, j), max(i, j))
-                return True
+        meets = j != i and state.balls[j].phase != OFF_TABLE and _closes_on(state, constants, i, j, now)
+        if meets and not _is_touching(state, i, j):
+            advance_to(state, constants, j, now)
+            release_ball(state, j)
+            _add_touch(state, constants, min(i, j), max(i, j))
+            return True
         j = next_neighbour(state, constants, i, j)
     return False
 

@@ -6,8 +6,8 @@ Two balls pressed together by d push each other apart with
     F = K d^(3/2) + alpha sqrt(m' K) d^(1/4) d',  K = 4/3 E* sqrt(R/2),  E* = E/(2 (1 - nu^2)),
 
 m' = m/2 their reduced mass. With alpha = -sqrt(5) ln e/sqrt(ln^2 e + pi^2) they part with e times their speed of
-approach, whatever that is (Tsuji, Tanaka, Ishida 1992); the last of it pulls, until d is 0. A rail is a plane with the
-same K, m' = m and its own e.
+approach, whatever that is (Tsuji, Tanaka, Ishida 1992); the last of it pulls, until d is 0. A rail is a plane with
+the same K, m' = m and its own e.
 
 A pair that approaches at v stays together for t_c = f d_max/v, where d_max = (5 m' v^2/(4 K))^(2/5) is how far it would
 come without damping; f is 2.9433 for e = 1 and grows as e falls. While it presses by d, its energy is that of free balls

@@ -2,8 +2,8 @@
 """Squirt: a cue that hits beside the middle sends the ball off its line (Alciatore, TP A.31).
 
 While the tip is on the ball, the spinning ball pushes the end of the cue aside, and is pushed away by as much itself.
-Of the cue only what is near the tip takes part, its end mass m_e. With a the distance from the middle over the radius, the
-ball leaves the line of the cue, away from the side that is hit, by
+Of the cue only what is near the tip takes part, its end mass m_e. With a the distance from the middle over the radius,
+the ball leaves the line of the cue, away from the side that is hit, by
 
     tan alpha = 5/2 a sqrt(1 - a^2) / (1 + m/m_e + 5/2 (1 - a^2)).
 """

@@ -7,9 +7,9 @@ With the unit normal n from the second ball to the first, their surfaces slip at
 
 whose parts are s_t = (v1 - v2).t - R (w1z + w2z) along the horizontal tangent t = z x n, and
 s_z = -R ((w1x + w2x) ny - (w1y + w2y) nx). A tangential impulse T on the first ball and -T on the second changes the
-slip by T (2/m + 2 R^2/I) = 7 T/m, so m s/7 ends it. Coulomb's law bounds it by mu J, J the normal impulse; mu falls with
-the slip at the first touch, mu(s) = a + b exp(-c s). Both balls take the same turn, dw = -(5/2)/(m R) n x T. What T
-does along the vertical is dropped, the balls stay on the cloth.
+slip by T (2/m + 2 R^2/I) = 7 T/m, so m s/7 ends it. Coulomb's law bounds it by mu J, J the normal impulse; mu falls
+with the slip at the first touch, mu(s) = a + b exp(-c s). Both balls take the same turn, dw = -(5/2)/(m R) n x T. What
+T does along the vertical is dropped, the balls stay on the cloth.
 
 So what is thrown leaves within atan(mu) of the line of centres, and no kinetic energy arises: T acts against the slip
 and does not reverse it.
