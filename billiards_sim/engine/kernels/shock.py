@@ -629,7 +629,6 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
         stage.uy = stage.start_vy
     _evaluate(state, constants, touches, count, 0.0)
     step = INF
-    ending = NOBODY
     for c in range(touches):
         touch = state.touches[c]
         depth = max(touch.reach - _gap(state, touch), 0.0)
@@ -639,10 +638,7 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
         touch.kink = opening < 0.0 and depth <= AT_TOUCH * own * -opening
         step = min(step, own)
         if opening > 0.0 and depth > 0.0:
-            end = max(_time_for(depth, opening, _opening_acceleration(state, touch)), SHORTEST)
-            if end <= step:
-                ending = c
-                step = end
+            step = min(step, max(_time_for(depth, opening, _opening_acceleration(state, touch)), SHORTEST))
     for k in range(count):
         i = state.members[k].ball
         j = first_neighbour(state, constants, i)
@@ -659,17 +655,21 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
                 nx, ny = normal_of(state, f)
                 closing = -(ball.vx * nx + ball.vy * ny)
                 step = min(step, max(_time_for(gap, closing, -(stage.fx * nx + stage.fy * ny)), SHORTEST))
-    if ending != NOBODY and _ends_within(state, ending, step):
-        state.touches[ending].kink = True
-    return min(step, LONGEST)
+    step = min(step, LONGEST)
+    for c in range(touches):
+        if _ends_with(state, state.touches[c], step):
+            state.touches[c].kink = True
+    return step
 
 
 @kernel
-def _ends_within(state: State, c: int, step: float) -> bool:
-    # Whether a touch that opens ends with a step, not after it.
-    touch = state.touches[c]
+def _ends_with(state: State, touch: Touch, step: float) -> bool:
+    # Whether a touch that opens ends with a step, not after it; of symmetric ones all do.
     depth = max(touch.reach - _gap(state, touch), 0.0)
-    return _time_for(depth, _opening(state, touch), _opening_acceleration(state, touch)) <= step
+    opening = _opening(state, touch)
+    if depth == 0.0 or opening <= 0.0:
+        return False
+    return _time_for(depth, opening, _opening_acceleration(state, touch)) <= (1.0 + AT_TOUCH) * step
 
 
 @kernel

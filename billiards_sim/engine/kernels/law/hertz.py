@@ -9,9 +9,9 @@ m' = m/2 their reduced mass. With alpha = -sqrt(5) ln e/sqrt(ln^2 e + pi^2) they
 approach, whatever that is (Tsuji, Tanaka, Ishida 1992); the last of it pulls, until d is 0. A rail is a plane with
 the same K, m' = m and its own e.
 
-A pair that approaches at v stays together for t_c = f d_max/v, where d_max = (5 m' v^2/(4 K))^(2/5) is how far it would
-come without damping; f is 2.9433 for e = 1 and grows as e falls. While it presses by d, its energy is that of free balls
-that approach at v_eq, v_eq^2 = d'^2 + 4/5 K d^(5/2)/m'.
+A pair that approaches at v stays together for t_c = f d_max/v, where d_max = (5 m' v^2/(4 K))^(2/5) is how far it
+would come without damping; f is 2.9433 for e = 1 and grows as e falls. While it presses by d, its energy is that of
+free balls that approach at v_eq, v_eq^2 = d'^2 + 4/5 K d^(5/2)/m'.
 """
 
 from __future__ import annotations

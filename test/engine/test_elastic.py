@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Elastic contacts against closed forms, conservation laws and their own rigid limit."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from checks import COMPILED
+
+import billiards_sim as bs
+from billiards_sim.engine import machine
+from billiards_sim.engine.elastic import damping, duration_factor, stiffness_of
+from billiards_sim.engine.kernels import shock
+
+ICE = 1e-9
+"""Friction of the cloth that does nothing while balls press each other."""
+
+SOFT = {"youngs_modulus": 5.8e9, "sliding_friction": ICE, "rolling_friction": ICE}
+DIAMETER = 2.0 * bs.Physics().radius
+MIDDLE = 0.6358
+
+
+def row(gaps: list[float], speed: float, **physics: float) -> bs.Simulation:
+    """Balls in a line along x, the first one at a speed, m/s; gaps in m."""
+    x = 0.8 + np.concatenate([[0.0], np.cumsum(DIAMETER + np.array(gaps))])
+    velocities = np.zeros((len(x), 2))
+    velocities[0, 0] = speed
+    positions = np.column_stack([x, np.full(len(x), MIDDLE)])
+    return bs.Simulation(bs.Scene(positions, velocities, physics=bs.Physics(**{**SOFT, **physics})))
+
+
+def opened_up(simulation: bs.Simulation) -> bs.Simulation:
+    """The same a little later, when nothing presses any more."""
+    simulation.advance(0.004)
+    return simulation
+
+
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have simulations that are made from now on interpreted, so that kernels can be replaced."""
+    monkeypatch.setattr(machine, "is_ready", lambda: False)
+
+
+# Coefficients
+
+
+@pytest.mark.parametrize(
+    ("restitution", "factor"),
+    [(1.0, 2.94327518), (0.98, 2.94927854), (0.95, 2.95874159), (0.9, 2.97585172), (0.8, 3.01604774)],
+)
+def test_contacts_last_as_an_adaptive_integration_says(restitution: float, factor: float) -> None:
+    assert duration_factor(restitution) == pytest.approx(factor, rel=1e-6)
+
+
+def test_without_damping_the_duration_is_the_closed_form() -> None:
+    # t_c v/d_max = 2 times the integral of (1 - x^(5/2))^(-1/2) from 0 to 1 = 4 sqrt(pi)/5 Gamma(2/5)/Gamma(9/10)
+    exact = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
+    assert duration_factor(1.0) == pytest.approx(exact, rel=1e-7)
+
+
+def test_stiffness_is_hertz() -> None:
+    physics = bs.Physics(youngs_modulus=5.8e9, poisson_ratio=0.34)
+    modulus = 1.0 / (2.0 * (1.0 - 0.34**2) / 5.8e9)
+    assert stiffness_of(physics) * physics.mass == pytest.approx(4.0 / 3.0 * modulus * math.sqrt(physics.radius / 2.0))
+    assert damping(1.0) == 0.0
+
+
+# Two and three balls
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.5, 10.0])
+@pytest.mark.parametrize("restitution", [0.8, 0.9, 0.95, 1.0])
+def test_a_pair_gives_back_its_restitution_at_every_speed(speed: float, restitution: float) -> None:
+    first, second = opened_up(row([0.0], speed, ball_restitution=restitution)).velocities[:, 0]
+    assert (second - first) / speed == pytest.approx(restitution, abs=1e-4)
+    assert first + second == pytest.approx(speed, abs=1e-9)  # but for the cloth
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.5, 10.0])
+@pytest.mark.parametrize("restitution", [0.8, 0.95, 1.0])
+def test_an_integrated_pair_gives_back_its_restitution(
+    speed: float, restitution: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interpreted(monkeypatch)
+    monkeypatch.setattr(shock, "_has_company", lambda *_: True)
+    first, second = opened_up(row([0.0], speed, ball_restitution=restitution)).velocities[:, 0]
+    assert (second - first) / speed == pytest.approx(restitution, abs=1e-4)
+
+
+@pytest.mark.parametrize("speed", [0.5, 8.0])
+def test_three_balls_in_line_part_as_herrmann_and_seitz_found(speed: float) -> None:
+    # American Journal of Physics 50 (1982) 977
+    velocities = opened_up(row([0.0, 0.0], speed)).velocities[::-1, 0] / speed
+    assert velocities == pytest.approx([0.9945493, 0.0764030, -0.0709523], abs=2e-5)
+
+
+def test_a_ball_frozen_to_a_rail_is_hit_squarely() -> None:
+    radius = bs.Physics().radius
+    table = bs.Table()
+    x = table.x_max - radius
+    positions = [[x - DIAMETER, MIDDLE], [x, MIDDLE]]
+    simulation = bs.Simulation(bs.Scene(positions, [[3.0, 0.0], [0.0, 0.0]], physics=bs.Physics(**SOFT)))
+    velocities = opened_up(simulation).velocities[:, 0] / 3.0
+    assert velocities == pytest.approx([-0.747225, -0.182934], abs=3e-5)
+
+
+def test_slow_balls_stay_rigid() -> None:
+    soft = row([1e-4], 0.009)
+    rigid = row([1e-4], 0.009, youngs_modulus=0.0)
+    assert list(soft.run(until=0.05)) == list(rigid.run(until=0.05))
+
+
+# Groups
+
+
+def rack(gap: float, aim: float = 0.0, **physics: float) -> bs.Simulation:
+    """A rack that is about to be hit at 8 m/s."""
+    scene = bs.scenes.eight_ball(gap, physics=bs.Physics(**{"youngs_modulus": 5.8e9, **physics}))
+    simulation = bs.Simulation(scene)
+    force = 8.0 * scene.physics.mass / scene.physics.cue_contact_time
+    simulation.strike((force * math.cos(aim), force * math.sin(aim), 0.0))
+    return simulation
+
+
+def test_a_rack_keeps_energy_and_momentum() -> None:
+    scene = rack(1e-4, 0.003, sliding_friction=0.0, rolling_friction=0.0)
+    until = next(event.time for event in scene.copy().run(until=2.0) if event.kind == "ball_ball") - 1e-3
+    scene.run(until=until)
+    before, momentum = scene.kinetic_energy, scene.velocities.sum(axis=0)
+    scene.advance(0.006)
+    assert scene.kinetic_energy == pytest.approx(before, rel=2e-5)
+    assert scene.velocities.sum(axis=0) == pytest.approx(momentum, abs=1e-11)
+
+
+def test_a_break_breaks() -> None:
+    simulation = rack(5e-5, 0.001)
+    start = simulation.positions
+    simulation.run()
+    assert np.median(np.hypot(*(simulation.positions - start)[1:].T)) >= 0.4
+
+
+def test_a_symmetric_rack_stays_symmetric() -> None:
+    simulation = rack(0.0)
+    start = simulation.positions
+    middle = simulation.start_scene.table.centre[1]
+    mirrored = np.column_stack([start[:, 0], 2.0 * middle - start[:, 1]])
+    partner = [int(np.argmin(np.hypot(*(mirrored - place).T))) for place in start]
+    simulation.run(until=0.5)
+    reflected = np.column_stack([simulation.positions[:, 0], 2.0 * middle - simulation.positions[:, 1]])
+    assert reflected[partner] == pytest.approx(simulation.positions, abs=1e-9)
+
+
+def test_each_contact_is_logged_once_with_its_whole_impulse() -> None:
+    simulation = rack(1e-4, 0.002, sliding_friction=ICE, rolling_friction=ICE)
+    start = simulation.velocities[0]
+    events = [event for event in simulation.run(until=0.16) if event.kind == "ball_ball"]
+    assert len(events) > 15
+    gained = {name: np.zeros(2) for name in simulation.start_scene.names}
+    for event in events:
+        assert event.approach_speed > 0.0
+        gained[event.balls[0]] += np.array(event.normal) * event.impulse
+        gained[event.balls[1]] -= np.array(event.normal) * event.impulse
+    mass = simulation.start_scene.physics.mass
+    found = np.array([gained[name] for name in simulation.start_scene.names]) / mass
+    found[0] += start
+    # Normals turn by up to a degree while balls press, so the sum is no closer than that.
+    assert found == pytest.approx(simulation.velocities, abs=0.05 * 8.0)
+
+
+def test_balls_rest_apart_after_all() -> None:
+    for gap in (0.0, 3e-4):
+        simulation = rack(gap, 0.004, ball_restitution=0.95, ball_friction=0.05, rail_friction=0.2)
+        simulation.run()
+        assert simulation.at_rest
+        distances = np.hypot(*np.moveaxis(simulation.positions[:, np.newaxis] - simulation.positions, 2, 0))
+        assert distances[np.triu_indices(16, 1)].min() >= DIAMETER - 1e-9
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_lone_pair_in_closed_form_is_what_its_integration_says(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(seed)
+    angle = random.uniform(-1.2, 1.2)
+    speed = random.uniform(0.5, 8.0)
+    target = 0.9 + DIAMETER * 1.01 * np.array([math.cos(angle), math.sin(angle)]) - [0.0, 0.9 - MIDDLE]
+    scene = bs.Scene(
+        [[0.9, MIDDLE], target], [[speed, 0.0], [0.0, 0.0]], physics=bs.Physics(**SOFT, ball_restitution=0.95)
+    )
+    lone = opened_up(bs.Simulation(scene))
+    interpreted(monkeypatch)
+    monkeypatch.setattr(shock, "_has_company", lambda *_: True)
+    integrated = opened_up(bs.Simulation(scene))
+    assert lone.velocities == pytest.approx(integrated.velocities, abs=1e-3 * speed)
+    assert lone.positions == pytest.approx(integrated.positions, abs=2e-6 * speed)
+
+
+# Cuts and speeds
+
+
+def test_time_may_be_cut_anywhere() -> None:
+    whole = rack(5e-5, 0.001, ball_restitution=0.95, ball_friction=0.03)
+    pieces = whole.copy()
+    random = np.random.default_rng(5)
+    expected = list(whole.run(until=0.2))
+    events: list[bs.Event] = []
+    while pieces.time < 0.2:
+        events += pieces.run(until=min(pieces.time + random.exponential(2e-4), 0.2))
+        if len(events) % 7 == 3:
+            pieces = pickle.loads(pickle.dumps(pieces.copy()))
+    assert events == expected
+    assert pieces.positions.tobytes() == whole.positions.tobytes()
+    assert pieces.angular_velocities.tobytes() == whole.angular_velocities.tobytes()
+
+
+@pytest.mark.skipif(not COMPILED, reason="needs Numba, switched on")
+@pytest.mark.parametrize("begin", [lambda: rack(5e-5, 0.002, ball_restitution=0.95, ball_friction=0.03)])
+def test_interpreted_and_compiled_give_the_same_bits(
+    begin: Callable[[], bs.Simulation], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled = begin()
+    expected = list(compiled.run(until=0.3))
+    interpreted(monkeypatch)
+    simulation = begin()
+    assert list(simulation.run(until=0.3)) == expected
+    assert simulation.velocities.tobytes() == compiled.velocities.tobytes()
+
+
+def test_rigid_scenes_have_no_room_for_elastic_contacts() -> None:
+    moment = bs.Simulation(bs.scenes.head_on()).snapshot().moment
+    assert len(moment.state.touches) == 0
+    assert len(moment.state.stages) == 0
