@@ -208,7 +208,7 @@ class Simulation:
 
         A ball that spins about the vertical on the spot rests where nothing slows its spin.
         """
-        if column(self._now.state.balls, "phase").max() > AT_REST:
+        if self._moves:
             return False
         return self._scene.physics.spin_friction == 0.0 or not self.angular_velocities.any()
 
@@ -335,8 +335,8 @@ class Simulation:
     ) -> EventLog:
         """Go on until every ball rests, or until a time, s; returns the events.
 
-        Without `until` the clock stops at the last event. A recorder takes down how every ball moves; `record` makes
-        use of it. With a `budget` the call may give way before, as `advance` does.
+        Without `until` the clock stops at the last event, or later, when the last spin has ended. A recorder takes down
+        how every ball moves; `record` makes use of it. With a `budget` the call may give way before, as `advance` does.
 
         Raises:
             ValueError: `until` is no finite number or has passed; or, without it, there is no friction to bring the
@@ -344,7 +344,7 @@ class Simulation:
         """
         if until is None:
             physics = self._scene.physics
-            if 0.0 in (physics.sliding_friction, physics.rolling_friction) and not self.at_rest:
+            if 0.0 in (physics.sliding_friction, physics.rolling_friction) and self._moves:
                 raise ValueError(
                     f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                     f"{physics.rolling_friction:g}: give run() a time `until`"
@@ -357,6 +357,10 @@ class Simulation:
             played = self._play(asked, budget, recorder)
         self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
         return events
+
+    @property
+    def _moves(self) -> bool:
+        return bool(column(self._now.state.balls, "phase").max() > AT_REST)
 
     @property
     def _centre(self) -> NDArray[np.float64]:

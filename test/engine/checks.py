@@ -36,6 +36,23 @@ AT_X_MAX = TABLE.x_max - RADIUS
 AT_Y_MAX = TABLE.y_max - RADIUS
 """m, centre of a ball at the rail."""
 
+POOL: dict[str, float] = {
+    "mass": 0.17,
+    "ball_restitution": 0.95,
+    "ball_friction": 9.951e-3,
+    "ball_friction_slow": 0.108,
+    "ball_friction_decay": 1.088,
+    "rail_restitution": 0.85,
+    "rail_friction": 0.2,
+    "spin_friction": 0.01165,
+    "cue_contact_time": 0.001,
+    "cue_end_mass": 5.7e-3,
+    "miscue_limit": 0.5,
+}
+"""Every effect, with the figures of pool."""
+
+POOL_TABLE = bs.Table(nose_height=0.635)
+
 EXACT_KINDS = {"ball-ball": "ball_ball", "rail": "ball_rail", "slide->roll": "rolling", "roll->rest": "rest"}
 EXACT_RAILS = {"x-low": "x_min", "x-high": "x_max", "y-low": "y_min", "y-high": "y_max"}
 

@@ -12,11 +12,11 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import Pool
 
 import numpy as np
-from checks import Extremes, depth_at_every_instant, extremes, random_scene
+from checks import POOL, POOL_TABLE, Extremes, depth_at_every_instant, extremes, random_scene
 from numpy.typing import NDArray
 from provoke import frozen_row, provoking_scene
 
@@ -85,17 +85,50 @@ def run_scene(seed: int) -> Extremes:
     return extremes(dense_scene(seed) if seed % 2 else random_scene(seed, most=22))
 
 
-def run_break(seed: int) -> Extremes:
+def break_shot(seed: int) -> tuple[bs.Scene, bs.Shot]:
     """A break with random speed, aim, english and gaps."""
     random = np.random.default_rng(seed)
     scene = bs.scenes.eight_ball(float(random.choice(GAPS)))
     force, angle = random.uniform(5.0, 200.0), random.uniform(-0.1, 0.1)
-    offset = tuple(random.uniform(-0.45, 0.45, 2) * RADIUS)
+    side, up = random.uniform(-0.45, 0.45, 2) * RADIUS
+    return scene, bs.Shot((force * math.cos(angle), force * math.sin(angle), 0.0), (side, up))
 
-    def shoot(simulation: bs.Simulation) -> None:
-        simulation.strike((force * math.cos(angle), force * math.sin(angle), 0.0), offset)
 
-    return extremes(scene, shoot)
+def run_break(seed: int) -> Extremes:
+    """A break with random speed, aim, english and gaps."""
+    scene, shot = break_shot(seed)
+    return extremes(scene, lambda simulation: simulation.strike(shot.force, shot.offset))
+
+
+def with_every_effect(scene: bs.Scene, seed: int) -> bs.Scene:
+    """The same in pool: in every other pair of scenes the noses are above the centre of the balls."""
+    return replace(scene, physics=bs.Physics(**POOL), table=POOL_TABLE if seed % 4 < 2 else TABLE)
+
+
+def pool_scene(seed: int) -> bs.Scene:
+    """A random or a dense scene with every effect."""
+    return with_every_effect(dense_scene(seed) if seed % 2 else random_scene(seed, most=22), seed)
+
+
+def pool_break(seed: int) -> tuple[bs.Scene, Callable[[bs.Simulation], None]]:
+    """A break with every effect, some with a raised butt, within the miscue limit."""
+    scene, shot = break_shot(seed)
+    part = POOL["cue_contact_time"] / bs.Physics().cue_contact_time
+    x, y, _ = shot.force
+    side, up = shot.offset
+    raised = -0.3 * math.hypot(x, y) if seed % 3 == 0 else 0.0
+    force, offset = (x / part, y / part, raised / part), (0.7 * side, 0.7 * up)
+    return with_every_effect(scene, seed), lambda simulation: simulation.strike(force, offset)
+
+
+def run_pool_scene(seed: int) -> Extremes:
+    """A scene with every effect."""
+    return extremes(pool_scene(seed))
+
+
+def run_pool_break(seed: int) -> Extremes:
+    """A break with every effect."""
+    return extremes(*pool_break(seed))
 
 
 @dataclass
@@ -120,14 +153,35 @@ def run_row(seed: int) -> Depth:
     return Depth(depth_at_every_instant(frozen_row(seed)))
 
 
-def run_provoking(seed: int) -> Effort:
-    """A scene built to provoke, to rest."""
-    simulation = bs.Simulation(provoking_scene(seed))
+def effort(scene: bs.Scene, prepare: Callable[[bs.Simulation], None] = lambda simulation: None) -> Effort:
+    """What it takes to play a scene to rest."""
+    simulation = bs.Simulation(scene)
+    prepare(simulation)
     began = time.process_time()
     events = simulation.run()
     took = time.process_time() - began
     assert simulation.at_rest
     return Effort(len(events), took)
+
+
+def run_provoking(seed: int) -> Effort:
+    """A scene built to provoke, to rest."""
+    return effort(provoking_scene(seed))
+
+
+def run_pool_provoking(seed: int) -> Effort:
+    """The same with every effect, and any restitution between the balls too."""
+    scene = provoking_scene(seed)
+    names = ("sliding_friction", "rolling_friction", "rail_restitution")
+    kept = {name: getattr(scene.physics, name) for name in names}
+    restitution = (0.95, 1.0, 0.5, 0.0)[seed % 4]
+    physics = bs.Physics(**{**POOL, **kept, "ball_restitution": restitution})
+    return effort(replace(scene, physics=physics, table=POOL_TABLE))
+
+
+def run_pool_effort(seed: int) -> Effort:
+    """A scene or a break with every effect."""
+    return effort(*pool_break(seed // 2)) if seed % 2 else effort(pool_scene(seed // 2))
 
 
 Worst = Extremes | Depth | Effort
@@ -200,8 +254,12 @@ def main() -> int:
     kept = [
         soak("scene", run_scene, given.scenes),
         soak("break", run_break, given.breaks),
+        soak("pool scene", run_pool_scene, given.scenes),
+        soak("pool break", run_pool_break, given.breaks),
+        soak("pool effort", run_pool_effort, given.scenes + given.breaks),
         soak("row", run_row, given.rows),
         soak("provoking", run_provoking, given.provoking),
+        soak("pool provoking", run_pool_provoking, given.provoking),
     ]
     return 0 if all(kept) else 1
 

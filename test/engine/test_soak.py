@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 from checks import COMPILED
-from soak import broken_laws, run_break, run_scene
+from soak import broken_laws, run_break, run_pool_break, run_pool_scene, run_scene
 
 SHARE = 20 if COMPILED else 1
 
@@ -20,6 +20,13 @@ def test_scenes_keep_the_laws_until_rest(first: int) -> None:
 def test_breaks_of_every_kind_keep_the_laws_until_rest(first: int) -> None:
     for seed in range(first, first + 5):
         assert broken_laws(run_break(seed)) == [], seed
+
+
+@pytest.mark.parametrize("first", range(0, 5 * SHARE, 5))
+def test_scenes_and_breaks_with_every_effect_keep_the_laws_until_rest(first: int) -> None:
+    for seed in range(first, first + 5):
+        assert broken_laws(run_pool_scene(seed)) == [], seed
+        assert broken_laws(run_pool_break(seed)) == [], seed
 
 
 @pytest.mark.parametrize("seed", [203, 353])

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 
 from .kernel import kernel
+from .law.cushion import tilts_or_rubs
 from .motion import phase_of, slip
 from .state import PRESS_HEIGHT, SLIDING, Ball, Constants
 
@@ -44,10 +45,13 @@ MICRO_SLIP = 10.0
 def presses_feature(ball: Ball, nx: float, ny: float, approach: float, constants: Constants) -> bool:
     """Whether a ball that arrives at a feature (normal into the table) has bounced low enough to stay on it."""
     lenient = leniency(ball.bounces)
-    if not is_low(constants.rail_restitution * approach, lenient, constants):
+    speed = constants.rail_restitution * approach
+    if tilts_or_rubs(constants):
+        speed = approach  # what is not given back rubs
+    if not is_low(speed, lenient, constants):
         return False
     ax, ay = _mean_acceleration(ball, approach, constants)
-    return _stays(-(ax * nx + ay * ny), constants.rail_restitution * approach, lenient)
+    return _stays(-(ax * nx + ay * ny), speed, lenient)
 
 
 @kernel

@@ -5,8 +5,8 @@ Generalized reflections (Smith, Kaufman, Vouga, Tamstorf and Grinspun, "Reflecti
 contacts that close are stopped together by the smallest impulses that do it, and the same impulses, times the
 restitution, are given once more. That reflects the velocity at the face of what is allowed, so momentum and, among
 balls, energy are kept, and their symmetry too. Contacts that close after that are reflected in turn, which carries a
-shock through a row of balls, until none closes. After each reflection its contacts rub together. The result does not
-depend on the order of the balls.
+shock through a row of balls, until none closes. After each reflection its contacts rub together. What is left of a
+vertical velocity is then dropped, as after an impact of two. The result does not depend on the order of the balls.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import math
 from .feature import normal_of
 from .impact import normal_between
 from .kernel import kernel
-from .law.cushion import rub_at_cushion, slip_at_cushion
+from .law.cushion import rub_at_cushion, slip_at_cushion, tilts_or_rubs
 from .law.throw import friction_at, rub_pair, rubs, slip_of_pair
 from .shock import advance_to
-from .state import Constants, Impact, State
+from .state import Ball, Constants, Impact, State
 
 CLOSING_ROUNDING = 1e-14
 """Relative to the fastest approach in the cluster: contacts that close more slowly have been stopped."""
@@ -27,8 +27,8 @@ CLOSING_ROUNDING = 1e-14
 STOPPING_ROUNDING = 4e-16
 """Relative to the same: accuracy of the impulses that are solved together."""
 
-SLIP_ROUNDING = 1e-15
-"""Relative to the fastest slip in the cluster: accuracy of the tangential impulses that are solved together."""
+SLIP_ROUNDING = 4e-16
+"""Relative to the fastest surface in the cluster: accuracy of the tangential impulses that are solved together."""
 
 GAIN_ROUNDING = 1e-13
 """Relative: a bounce that gives this much more than was there is rounding."""
@@ -65,10 +65,23 @@ def closing_speed(state: State, row: Impact) -> float:
 
 
 @kernel
-def _kick(state: State, row: Impact, kick: float) -> None:
+def _closing_at_contact(state: State, row: Impact, constants: Constants) -> float:
+    # The same along the normal at the contact, which a high nose tilts down (`law.cushion`).
+    closing = closing_speed(state, row)
+    if row.second < 0 and constants.nose_sine != 0.0:
+        return constants.nose_cosine * closing + constants.nose_sine * state.balls[row.first].vz
+    return closing
+
+
+@kernel
+def _kick(state: State, row: Impact, kick: float, constants: Constants) -> None:
     first = state.balls[row.first]
-    first.vx += kick * row.normal_x
-    first.vy += kick * row.normal_y
+    level = kick
+    if row.second < 0 and constants.nose_sine != 0.0:
+        level = constants.nose_cosine * kick
+        first.vz -= constants.nose_sine * kick
+    first.vx += level * row.normal_x
+    first.vy += level * row.normal_y
     if row.second >= 0:
         second = state.balls[row.second]
         second.vx -= kick * row.normal_x
@@ -89,7 +102,7 @@ def reflect(state: State, constants: Constants, count: int) -> None:
             row = state.impacts[c]
             closing = closing_speed(state, row)
             row.stopping = 0.0 if closing > stopped else -1.0  # -1: not in this reflection
-            row.closing = closing
+            row.closing = _closing_at_contact(state, row, constants)
             top = max(top, closing)
             if closing > stopped and row.approach == 0.0:
                 row.approach = closing
@@ -102,16 +115,18 @@ def reflect(state: State, constants: Constants, count: int) -> None:
                 row = state.impacts[c]
                 if row.stopping >= 0.0:
                     bodies = 2.0 if row.second >= 0 else 1.0
-                    stopping = max(row.stopping + closing_speed(state, row) / bodies, 0.0)
+                    stopping = max(row.stopping + _closing_at_contact(state, row, constants) / bodies, 0.0)
                     change = stopping - row.stopping
                     row.stopping = stopping
-                    _kick(state, row, change)
+                    _kick(state, row, change, constants)
                     worst = max(worst, abs(change))
             if worst <= enough:
                 break
         _bounce(state, constants, count)
         if rubs(constants) or constants.rail_friction > 0.0:
             _rub(state, constants, count)
+        if rubs(constants) or tilts_or_rubs(constants):
+            _drop(state, count)
 
 
 @kernel
@@ -123,11 +138,11 @@ def _bounce(state: State, constants: Constants, count: int) -> None:
         row = state.impacts[c]
         if row.stopping > 0.0:
             spent += row.stopping * row.closing
-            _kick(state, row, _restitution(row, constants) * row.stopping)
+            _kick(state, row, _restitution(row, constants) * row.stopping, constants)
     for c in range(count):
         row = state.impacts[c]
         if row.stopping > 0.0:
-            gained -= _restitution(row, constants) * row.stopping * closing_speed(state, row)
+            gained -= _restitution(row, constants) * row.stopping * _closing_at_contact(state, row, constants)
     # Less of it where rails and balls together would give more than was there, as different restitutions can.
     part = math.sqrt(spent / gained) if gained > spent * (1.0 + GAIN_ROUNDING) else 1.0
     for c in range(count):
@@ -135,19 +150,17 @@ def _bounce(state: State, constants: Constants, count: int) -> None:
         if row.stopping > 0.0:
             bounce = _restitution(row, constants) * row.stopping
             if part < 1.0:
-                _kick(state, row, (part - 1.0) * bounce)
+                _kick(state, row, (part - 1.0) * bounce, constants)
             row.stopping += part * bounce
-            row.impulse += constants.mass * row.stopping
+            level = row.stopping
+            if row.second < 0 and constants.nose_sine != 0.0:
+                level = constants.nose_cosine * row.stopping
+            row.impulse += constants.mass * level
 
 
 @kernel
 def _restitution(row: Impact, constants: Constants) -> float:
-    # Along the horizontal normal. Of what comes back from a tilted nose the vertical part is dropped.
-    if row.second >= 0:
-        return constants.ball_restitution
-    if constants.nose_sine == 0.0:
-        return constants.rail_restitution
-    return (1.0 + constants.rail_restitution) * constants.nose_cosine * constants.nose_cosine - 1.0
+    return constants.ball_restitution if row.second >= 0 else constants.rail_restitution
 
 
 @kernel
@@ -165,7 +178,9 @@ def _rub(state: State, constants: Constants, count: int) -> None:
             along, over = _slip(state, row, constants)
             slip = math.sqrt(along * along + over * over)
             row.grip = row.stopping * _friction(row, slip, constants)
-            most = max(most, slip)
+            most = max(most, slip, _surface_speed(state.balls[row.first], constants))
+            if row.second >= 0:
+                most = max(most, _surface_speed(state.balls[row.second], constants))
     for _ in range(MAX_SWEEPS):
         state.clock[0].work += count
         worst = 0.0
@@ -175,6 +190,21 @@ def _rub(state: State, constants: Constants, count: int) -> None:
                 worst = max(worst, _rub_contact(state, row, constants))
         if worst <= SLIP_ROUNDING * most:
             break
+    for c in range(count):
+        row = state.impacts[c]
+        if row.second < 0 and constants.nose_sine != 0.0:
+            row.impulse += constants.mass * constants.nose_sine * row.over
+
+
+@kernel
+def _surface_speed(ball: Ball, constants: Constants) -> float:
+    # A bound, m/s.
+    return abs(ball.vx) + abs(ball.vy) + constants.radius * (abs(ball.wx) + abs(ball.wy) + abs(ball.wz))
+
+
+@kernel
+def _drop(state: State, count: int) -> None:
+    # The balls stay on the cloth.
     for c in range(count):
         row = state.impacts[c]
         state.balls[row.first].vz = 0.0
@@ -216,5 +246,4 @@ def _slip(state: State, row: Impact, constants: Constants) -> tuple[float, float
 
 @kernel
 def _friction(row: Impact, slip: float, constants: Constants) -> float:
-    # Over the impulse along the horizontal normal.
-    return friction_at(slip, constants) if row.second >= 0 else constants.rail_friction / constants.nose_cosine
+    return friction_at(slip, constants) if row.second >= 0 else constants.rail_friction

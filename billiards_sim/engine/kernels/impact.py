@@ -13,6 +13,12 @@ from .state import Ball, Constants
 
 
 @kernel
+def is_ideal(constants: Constants) -> bool:
+    """Whether impacts are the paper's: elastic between balls, and smooth."""
+    return constants.ball_restitution == 1.0 and not rubs(constants) and not tilts_or_rubs(constants)
+
+
+@kernel
 def normal_between(first: Ball, second: Ball) -> tuple[float, float]:
     """Unit normal from the second ball to the first (equation 43)."""
     nx = first.x - second.x

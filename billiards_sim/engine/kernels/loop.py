@@ -22,7 +22,7 @@ from .bounce import count_impact, presses_feature, presses_pair, subsides
 from .cells import change_cell, predict_border
 from .cluster import advance_all, closing_speed, reflect
 from .feature import normal_of, place_on, predict_feature
-from .impact import approach_speed, collide_feature, collide_pair, normal_between
+from .impact import approach_speed, collide_feature, collide_pair, is_ideal, normal_between
 from .island import gather_cluster, hold, is_held, release_ball
 from .kernel import kernel
 from .law.spin import slow_spin
@@ -172,6 +172,7 @@ def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float
         return
     if approach <= constants.least_approach:
         approach = 0.0
+    bounces = ball.bounces
     if approach > 0.0:
         count_impact(ball, approach, constants)
     if presses_feature(ball, nx, ny, approach, constants):
@@ -182,6 +183,12 @@ def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float
     elif approach > 0.0 and subsides(ball.bounces, approach, constants):
         _join_all(state, constants, i, now)
     elif approach > 0.0:
+        if not is_ideal(constants):  # rubbing at one body changes what another beside the ball does to it
+            count = gather_cluster(state, constants, i, now)
+            if count > 1:
+                ball.bounces = bounces  # counted with those of the cluster
+                _collide_cluster(state, constants, count, now)
+                return
         impulse = collide_feature(ball, nx, ny, constants)
         log_impact(state, constants, now, i, -1 - k, nx, ny, approach, impulse)
         release_ball(state, i)

@@ -37,7 +37,9 @@ def begin_anew(state: State) -> None:
         ball.wy = 0.0
         ball.alpha_x = 0.0
         ball.alpha_y = 0.0
-        ball.alpha_z = 0.0
+        if ball.alpha_z != 0.0:  # it has come to its end since
+            ball.wz = 0.0
+            ball.alpha_z = 0.0
         ball.held = 0
         ball.touches = 0
         ball.held_at = 0

@@ -11,7 +11,8 @@ impulse acts: J = -(1 + e) m v.N along N, and across it T against the slip
 whose parts are s_t along the horizontal tangent t = z x n, and s_b along b = sin theta n + cos theta z. T changes the
 slip by T (1/m + R^2/I) = 7 T/(2 m), so 2/7 m s ends it, and mu J bounds it. The spin changes by
 (r x T)/I = -(5/2)/(m R) N x T, with N x t = b and N x b = -t. The vertical velocity is dropped: the ball stays on the
-cloth, which takes the impulse without friction.
+cloth, which takes the impulse without friction. Where that leaves some of the approach, as at a high nose that gives
+little back, it ends there too.
 
 With h = R and mu = 0 this is the wall of `restitution`.
 """
@@ -68,4 +69,8 @@ def bounce_off_cushion(ball: Ball, nx: float, ny: float, constants: Constants) -
         part = min(2.0 / 7.0, constants.rail_friction * impulse / slip)
         rub_at_cushion(ball, nx, ny, -part * along, -part * over, constants)
         ball.vz = 0.0
+    rebound = nx * ball.vx + ny * ball.vy
+    if rebound < 0.0:
+        ball.vx -= rebound * nx
+        ball.vy -= rebound * ny
     return constants.mass * (approach + nx * ball.vx + ny * ball.vy)
