@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from checks import AT_X_MAX, COMPILED, RADIUS, SLIDING
-from provoke import provoking_scene, ring, square, topspin, towards
+from provoke import frozen_row, provoking_scene, ring, square, topspin, towards
 
 import billiards_sim as bs
 from billiards_sim.engine.tables import get_field
@@ -110,3 +110,12 @@ def test_dense_islands_take_few_steps_to_rest(seed: int) -> None:
     simulation.run(budget=60.0)
     assert simulation.at_rest
     assert get_field(simulation._now.state.clock, 0, "passes") < 20_000
+
+
+@pytest.mark.skipif(not COMPILED, reason="takes half a minute")
+def test_contact_that_closes_at_first_lasts_for_its_step() -> None:
+    # Without a push over the step as a whole, as it turns: let go, it would be met again and again.
+    simulation = bs.Simulation(frozen_row(183))
+    events = simulation.run(budget=60.0)
+    assert simulation.at_rest
+    assert len(events) < MOST_EVENTS
