@@ -165,7 +165,8 @@ class Moment(NamedTuple):
         spins = columns(self.state.balls, *SPINS)
         begun = columns(self.state.balls, "time")
         slowing = spins[:, 5] != 0.0
-        end = max(self.inner, *(begun[slowing, 0] - spins[slowing, 2] / spins[slowing, 5]))
+        ends = begun[slowing, 0] - spins[slowing, 2] / spins[slowing, 5]
+        end = max([self.inner, *ends.tolist()])
         while spins_after(spins, end - begun).any():
             end = math.nextafter(end, math.inf)  # the quotient is rounded
         return (end, 0.0) if end > self.inner else (self.asked, self.rest)
@@ -194,8 +195,8 @@ class Moment(NamedTuple):
         return Moment(self.state, self.turns, self.epoch, self.asked, self.rest, self.taken)
 
 
-def start(scene: Scene) -> Moment:
-    """Where a simulation begins."""
+def start(scene: Scene, time: float = 0.0) -> Moment:
+    """Where a simulation begins, at a time of the table, s."""
     count = len(scene)
     constants = constants_of(scene)
     features = features_of(scene.table, scene.physics.radius)
@@ -225,7 +226,7 @@ def start(scene: Scene) -> Moment:
     set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), phases))
     turns = blank(Turns, packed, turns=count if scene.track_orientation else 0)
     set_columns(turns.turns, ("qw",), np.ones((len(turns.turns), 1)))
-    return Moment(state, turns)
+    return Moment(state, turns, time)
 
 
 def constants_of(scene: Scene) -> Constants:
@@ -251,7 +252,7 @@ def constants_of(scene: Scene) -> Constants:
         rail_friction=physics.rail_friction,
         nose_sine=nose_sine,
         nose_cosine=math.sqrt(1.0 - nose_sine * nose_sine),
-        spin_deceleration=2.5 * physics.spin_friction * physics.gravity / physics.radius,
+        spin_deceleration=physics.spin_deceleration,
         centre_x=table.centre[0],
         centre_y=table.centre[1],
         cells_x=cells_x,
