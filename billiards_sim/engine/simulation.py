@@ -341,8 +341,9 @@ class Simulation:
     ) -> EventLog:
         """Go on until every ball rests, or until a time, s; returns the events.
 
-        Without `until` the clock stops at the last event, or where the last spin ends if that is later. A recorder takes down how every ball moves; `record` makes
-        use of it. With a `budget` the call may give way before, as `advance` does.
+        Without `until` the clock stops at the last event, or where the last spin ends if that is later. A recorder
+        takes down how every ball moves; `record` makes use of it. With a `budget` the call may give way before, as
+        `advance` does.
 
         Raises:
             ValueError: `until` is no finite number or has passed; or, without it, there is no friction to bring the

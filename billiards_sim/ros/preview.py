@@ -47,7 +47,7 @@ class Preview:
         scene: of the balls.
         start: simulated time of the shot, s.
         end: time of the last state, s.
-        complete: whether every ball rests at the end, its spin ended; else it ran into `HORIZON`, `MOST_EVENTS` or `MOST_WORK`.
+        complete: whether every ball rests at the end; else it ran into `HORIZON`, `MOST_EVENTS` or `MOST_WORK`.
         events: in order.
         paths: of each ball in play, by name in the order of the scene, the points (t, x, y), simulated s and m, that
             its centre passes, as `Run.path` has them; the struck ball's begin where it lay before the cue pushed it. A

@@ -58,6 +58,16 @@ ROLLING_MARGIN = 0.01
 NO_CONTACT = 100.0
 """s. What the paper's program takes for a contact that does not come."""
 
+EFFECTS = (
+    "physics.ball_restitution",
+    "physics.ball_friction",
+    "physics.ball_friction_slow",
+    "physics.rail_friction",
+    "physics.spin_friction",
+    "table.nose_height",
+)
+"""What the stepped solvers do not have; where it is the default the paper does not, either. Shots are the engine's."""
+
 STALLED_CONTACTS = 1000
 """Contacts after which the clock must be half a time step further; a break at 8 m/s has some tens in all."""
 
@@ -136,7 +146,8 @@ class SteppedSolver(ABC):
         time_step: s.
 
     Raises:
-        ValueError: `time_step` is not > 0 or above `LONGEST_STEP`; a ball is not in play.
+        ValueError: `time_step` is not > 0 or above `LONGEST_STEP`; a ball is not in play; physics or table have an
+            effect that the paper does not.
 
     Its events are shots and collisions; ends of slip and of motion are not among them.
     """
@@ -147,6 +158,7 @@ class SteppedSolver(ABC):
         if not scene.in_play.all():
             off = scene.names[int(np.argmin(scene.in_play))]
             raise ValueError(f"the stepped solvers take scenes with every ball in play; ball {off!r} is not")
+        _check_effects(scene)
         self._scene = scene
         self._time_step = time_step
         self._time = 0.0
@@ -517,6 +529,15 @@ class TimeStepSolver(SteppedSolver):
         speed = _size(velocities)[:, np.newaxis]
         left = np.divide(speed - change, speed, out=np.zeros_like(speed), where=speed > change)
         return velocities * left
+
+
+def _check_effects(scene: Scene) -> None:
+    for effect in EFFECTS:
+        group, _, field = effect.partition(".")
+        owner = getattr(scene, group)
+        value, paper = getattr(owner, field), getattr(type(owner)(), field)
+        if value != paper:
+            raise ValueError(f"the stepped solvers have the paper's model: {effect} must be {paper:g}, got {value:.9g}")
 
 
 def _slip(balls: Balls, lever: float) -> Array:
