@@ -268,10 +268,7 @@ def _base(group: str, given: Mapping[str, Any], start: Scene) -> Any:
     name = f"{group}.preset"
     if given.get(name, "") == "":
         return getattr(start, group)
-    try:
-        return preset(name, given[name], GROUP_PRESETS[name])()
-    except ValueError as error:
-        raise ValueError(f"parameter {error}") from None
+    return preset(f"parameter {name!r}", given[name], GROUP_PRESETS[name])()
 
 
 def number(name: str, given: Any, declared: Quantity) -> float:
