@@ -238,7 +238,7 @@ def test_balls_that_are_not_in_play_are_refused(name: str) -> None:
 @pytest.mark.parametrize("name", STEPPED)
 def test_physics_that_the_paper_does_not_have_is_refused(name: str, effect: str, paper: float) -> None:
     scene = bs.scenes.head_on(physics=bs.Physics(**{effect: 0.015625}))
-    with pytest.raises(ValueError, match=f"the paper's model: physics.{effect} must be {paper:g}, got 0.015625$"):
+    with pytest.raises(ValueError, match=f"the paper's model: physics.{effect} must be {paper}, got 0.015625$"):
         SOLVERS[name](scene, 0.01)
 
 
