@@ -163,6 +163,15 @@ def test_watching_ends_when_somebody_resets_the_table(client: Client, shared_sit
     assert positions(client.fresh_poses()[-1])[1] == tuple(bs.scenes.eight_ball().positions[1].tolist())
 
 
+def test_watching_ends_when_the_table_takes_the_next_shot(site: Site) -> None:
+    # The ball rolls for 3 s and spins for 12 s: three quarters and three seconds of the clock.
+    site.table("real_time_factor:=4.0", "physics.spin_friction:=0.001")
+    for option in ("--watch", "--preview"):
+        shoot = site.process("shoot", "--speed", "0.3", "--angle", "90deg", "--side", "0.4", option)
+        assert shoot.wait() == 0, shoot.stdout
+        assert "at rest after" in shoot.stdout
+
+
 def test_watching_ends_when_the_table_goes(site: Site) -> None:
     table = site.table("real_time_factor:=0.1")
     shoot = site.process("shoot", "--speed", "5", "--angle", "90deg", "--watch")
