@@ -12,11 +12,11 @@ from billiards_sim.engine.scene import Shot
 ANGLE_UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
 """In rad."""
 
-WORDS = ("speed", "angle", "side", "up")
+WORDS = ("speed", "angle", "side", "up", "elevation")
 
 
 def add_shot_options(parser: argparse.ArgumentParser) -> None:
-    """Add `--speed`, `--angle`, `--side` and `--up`, and `--force` and `--offset`: None where not given."""
+    """Add `--speed`, `--angle`, `--side`, `--up`, `--elevation`, and `--force`, `--offset`: None where not given."""
     people = parser.add_argument_group("a shot in people's words")
     people.add_argument("--speed", type=float, metavar="V", help="speed of the cue ball, m/s")
     people.add_argument(
@@ -26,6 +26,9 @@ def add_shot_options(parser: argparse.ArgumentParser) -> None:
         "--side", type=float, metavar="S", help="where the tip hits: to the left of the centre, in radii (0)"
     )
     people.add_argument("--up", type=float, metavar="U", help="above the centre, in radii (0); negative is draw")
+    people.add_argument(
+        "--elevation", type=angle, metavar="E", help="of the butt of the cue, with its unit, 5deg or 0.1rad (0deg)"
+    )
     robots = parser.add_argument_group("a shot in the table's units")
     robots.add_argument(
         "--force",
@@ -55,7 +58,7 @@ def shot_asked_for(options: argparse.Namespace) -> Aim | Shot | None:
     if given:
         if options.speed is None or options.angle is None:
             raise ValueError("--speed and --angle belong together: give both")
-        return Aim(options.speed, options.angle, options.side or 0.0, options.up or 0.0)
+        return Aim(options.speed, options.angle, options.side or 0.0, options.up or 0.0, options.elevation or 0.0)
     if options.force is None:
         if options.offset is not None:
             raise ValueError("--offset needs --force")

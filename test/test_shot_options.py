@@ -34,6 +34,8 @@ def test_an_angle_without_a_unit_is_refused(text: str) -> None:
 
 def test_words_a_force_or_nothing() -> None:
     assert asked("--speed", "3", "--angle", "90deg", "--up", "0.5") == Aim(3.0, 0.5 * math.pi, 0.0, 0.5)
+    elevated = asked("--speed", "3", "--angle", "90deg", "--side", "0.1", "--elevation", "30deg")
+    assert elevated == Aim(3.0, 0.5 * math.pi, 0.1, elevation=math.radians(30.0))
     assert asked("--force", "80", "1", "--offset", "0.01", "0") == Shot((80.0, 1.0, 0.0), (0.01, 0.0))
     assert asked("--force", "80", "1") == Shot((80.0, 1.0, 0.0))
     assert asked() is None
@@ -44,6 +46,13 @@ def test_words_a_force_or_nothing() -> None:
     [
         (("--speed", "3", "--angle", "1deg", "--force", "1", "0"), "--speed does not go with --force"),
         (("--side", "0.1", "--offset", "0", "0"), "--side does not go with --force and --offset"),
+        (("--elevation", "5deg", "--force", "1", "0"), "--elevation does not go with --force and --offset"),
+        (("--elevation", "5deg"), "--speed and --angle belong together"),
+        (
+            ("--speed", "3", "--angle", "3deg", "--elevation", "90deg"),
+            "elevation must be >= 0 and < pi/2 rad, got 1.57",
+        ),
+        (("--speed", "3", "--angle", "3deg", "--elevation=-5deg"), "elevation must be >= 0"),
         (("--speed", "3"), "--speed and --angle belong together"),
         (("--angle", "3deg"), "--speed and --angle belong together"),
         (("--up", "0.1"), "--speed and --angle belong together"),

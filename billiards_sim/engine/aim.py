@@ -17,8 +17,9 @@ class Aim:
 
     Attributes:
         speed: of the ball after the shot, along the table, m/s.
-        azimuth: its direction, rad, counter-clockwise from the x axis.
-        side, up: where the tip hits, to the left and up in shares of the radius, seen along the shot.
+        azimuth: where the cue points along the table, rad, counter-clockwise from the x axis. With squirt the ball
+            leaves this line.
+        side, up: where the tip hits, to the left and up in shares of the radius, seen along the cue.
         elevation: of the butt over the tip, rad; the cue then also presses the ball onto the cloth.
 
     Raises:

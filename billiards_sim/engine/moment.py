@@ -195,8 +195,8 @@ class Moment(NamedTuple):
         return Moment(self.state, self.turns, self.epoch, self.asked, self.rest, self.taken)
 
 
-def start(scene: Scene) -> Moment:
-    """Where a simulation begins."""
+def start(scene: Scene, time: float = 0.0) -> Moment:
+    """Where a simulation begins, at a time of the table, s."""
     count = len(scene)
     constants = constants_of(scene)
     features = features_of(scene.table, scene.physics.radius)
@@ -228,7 +228,7 @@ def start(scene: Scene) -> Moment:
     set_columns(state.balls, ("phase", "reported"), np.where(moving[:, np.newaxis], (SLIDING, ROLLING), phases))
     turns = blank(Turns, packed, turns=count if scene.track_orientation else 0)
     set_columns(turns.turns, ("qw",), np.ones((len(turns.turns), 1)))
-    return Moment(state, turns)
+    return Moment(state, turns, time)
 
 
 def constants_of(scene: Scene) -> Constants:
@@ -260,7 +260,7 @@ def constants_of(scene: Scene) -> Constants:
         ball_damping=damping(physics.ball_restitution) * math.sqrt(0.5 * stiffness),
         rail_damping=damping(max(rail_restitution, 0.0)) * math.sqrt(stiffness),
         duration_factor=duration_factor(physics.ball_restitution) if stiffness else 0.0,
-        spin_deceleration=2.5 * physics.spin_friction * physics.gravity / physics.radius,
+        spin_deceleration=physics.spin_deceleration,
         centre_x=table.centre[0],
         centre_y=table.centre[1],
         cells_x=cells_x,

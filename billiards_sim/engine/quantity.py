@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -74,20 +74,39 @@ def check_quantities(owner: Any) -> None:
         object.__setattr__(owner, name, value)
 
 
-def from_mapping(owner: type, values: Any) -> Any:
-    """Build `Physics` or `Table` from a mapping; omitted keys keep their defaults.
+def from_mapping(owner: type, values: Any, presets: Mapping[str, Callable[..., Any]]) -> Any:
+    """Build `Physics` or `Table` from a mapping; omitted keys keep their defaults, or the values of a preset.
+
+    Args:
+        values: the mapping; `preset` is the name of one. A name alone stands for the preset as it is.
+        presets: what makes each of them, by name.
 
     Raises:
-        ValueError: not a mapping, an unknown key, or a value out of bounds.
+        ValueError: not a mapping, an unknown key or preset, or a value out of bounds.
     """
     group = owner.__name__.lower()
+    if isinstance(values, str) and presets:
+        values = {"preset": values}
     if not isinstance(values, dict):
-        raise ValueError(f"{group} must be a mapping of names to numbers, got {shown(values)}")
-    known = quantities(owner)
+        names = f" or one of the presets {', '.join(presets)}" if presets else ""
+        raise ValueError(f"{group} must be a mapping of names to numbers{names}, got {shown(values)}")
+    known = [*(["preset"] if presets else []), *quantities(owner)]
     for key in values:
         if key not in known:
             raise ValueError(f"{group} has no field {shown(key)}; known: {', '.join(known)}")
-    return owner(**values)
+    given = dict(values)
+    return preset(f"{group}.preset", given.pop("preset"), presets)(**given) if "preset" in given else owner(**given)
+
+
+def preset(name: str, given: Any, presets: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
+    """What makes the preset that is asked for under a name.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    if not isinstance(given, str) or given not in presets:
+        raise ValueError(f"{name} must be one of {', '.join(presets)}, got {shown(given)}")
+    return presets[given]
 
 
 def number(name: str, given: Any) -> float:

@@ -31,8 +31,8 @@ class Shot:
     """A cue shot: what `Simulation.strike` takes.
 
     Attributes:
-        force: (x, y, z) N; z must be 0.
-        offset: where the tip hits, (sideways, up) m from the centre of the ball, seen along the force.
+        force: (x, y, z) N; z < 0: the butt is raised.
+        offset: where the tip hits, (sideways, up) m from the centre of the ball, seen along the force and across it.
         ball: name of the ball.
     """
 

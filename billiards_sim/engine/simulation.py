@@ -150,13 +150,17 @@ class Simulation:
 
     Args:
         scene: where everything starts. A shot of the scene is not played by itself: `sim.strike(...)` plays one.
+        time: what the clock shows then, s.
 
     The result does not depend on how a time is cut into calls of `advance` and `run`, to the last bit.
+
+    Raises:
+        ValueError: `time` is negative or no finite number.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, time: float = 0.0) -> None:
         self._scene = scene
-        self._now = start(scene)
+        self._now = start(scene, seconds("time", time))
 
     @property
     def start_scene(self) -> Scene:
@@ -264,7 +268,8 @@ class Simulation:
         """Hit a resting ball with the cue (paper equations 1 to 12). The clock does not move.
 
         Args:
-            force: (x, y, z) N, constant for `physics.cue_contact_time`; z < 0: the butt is raised.
+            force: (x, y, z) N, constant for `physics.cue_contact_time`; z < 0: the butt is raised. The ball stays on
+                the cloth, which takes the part that points down.
             offset: where the tip hits, (sideways, up) m from the ball's centre in the shot's own frame: x' along the
                 force, y' to its left, z' up, across the cue.
             ball: its name.
@@ -303,8 +308,9 @@ class Simulation:
 
         Args:
             speed: of the ball after the shot, along the table, m/s.
-            azimuth: its direction, rad, counter-clockwise from the x axis.
-            side, up: where the tip hits, to the left and up in shares of the radius, seen along the shot.
+            azimuth: where the cue points along the table, rad, counter-clockwise from the x axis. The ball leaves this
+                line by the squirt, where `physics.cue_end_mass` makes some, and curves where the butt is raised.
+            side, up: where the tip hits, to the left and up in shares of the radius, seen along the cue.
             elevation: of the butt over the tip, rad: the force then points down.
             ball: its name.
 

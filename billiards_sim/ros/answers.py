@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import json
+import math
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
@@ -19,13 +22,19 @@ def answer(publisher: Publisher, request: messages.Request, time: float, reason:
 
 def check_at_rest(simulation: Simulation, before: str) -> None:
     """Raises:
-    ValueError: a ball moves, before something that has to wait for rest.
+    ValueError: a ball moves, or spins ever less, before something that has to wait for rest.
     """
     if simulation.at_rest:
         return
-    speeds = [(vx * vx + vy * vy) ** 0.5 for vx, vy in simulation.velocities.tolist()]
-    fastest = max(range(len(speeds)), key=speeds.__getitem__)
-    raise ValueError(
-        f"every ball must rest before {before}: ball {simulation.start_scene.names[fastest]!r} moves at "
-        f"{speeds[fastest]:.6g} m/s"
-    )
+    name, speed = _fastest(simulation, simulation.velocities)
+    how = f"moves at {speed:.6g} m/s"
+    if speed == 0.0:
+        name, spin = _fastest(simulation, simulation.angular_velocities)
+        how = f"spins at {spin:.6g} rad/s"
+    raise ValueError(f"every ball must rest before {before}: ball {name!r} {how}")
+
+
+def _fastest(simulation: Simulation, rates: NDArray[np.float64]) -> tuple[str, float]:
+    sizes = [math.hypot(*rate) for rate in rates.tolist()]
+    fastest = max(range(len(sizes)), key=sizes.__getitem__)
+    return simulation.start_scene.names[fastest], sizes[fastest]

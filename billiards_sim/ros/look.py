@@ -58,5 +58,5 @@ class Look:
 
     @cached_property
     def still(self) -> bool:
-        """Whether nothing changes until something happens. A ball that rests may spin about the vertical."""
+        """Whether nothing changes until something happens. A ball that rests may spin about the vertical for ever."""
         return self.at_rest and not self.spins.any()

@@ -43,7 +43,7 @@ PREVIEW_OPACITY = 0.4
 """Of the balls where a preview ends."""
 
 RAIL_HEIGHT = 1.25
-"""In ball radii above the cloth, for the eye only: the model's rails are vertical walls."""
+"""In ball radii above the cloth, for the eye only: where balls touch a rail is `Table.nose_height`."""
 
 LINE_WHITE = 0.35
 """Share of white in the lines of a ball, to be seen on the cloth: some balls are green, too."""

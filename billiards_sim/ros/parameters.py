@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's parameters: declared from the quantities of `Physics` and `Table`, checked together.
 
-A `physics.*` or `table.*` parameter that is not given takes the value of the scene; one that is given replaces it. The
-table's geometry is fixed while the node runs, but for what a new scene brings; everything else changes at rest.
+A `physics.*` or `table.*` parameter that is given holds. One that is not takes the value of the preset, where one is
+given, or else of the scene. The table's geometry is fixed while the node runs, but for what a new scene brings;
+everything else changes at rest.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from billiards_sim.engine.physics import Physics
-from billiards_sim.engine.quantity import Quantity, quantities, shown
+from billiards_sim.engine.physics import PRESETS, Physics
+from billiards_sim.engine.quantity import Quantity, preset, quantities, shown
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.scene_file import load_scene
 from billiards_sim.engine.scenes import BUILT_IN
@@ -32,6 +33,11 @@ GROUP_QUANTITIES = {
     f"{group}.{field}": declared for group, owner in GROUPS.items() for field, declared in quantities(owner).items()
 }
 """Quantity of each parameter of a group."""
+
+GROUP_PRESETS = {"physics.preset": PRESETS}
+"""What makes the presets of a group, by the parameter that names one and by their names."""
+
+PRESET_HELP = "{}, or empty for the scene's own: values for those of the group that are not given themselves"
 
 DEFAULT_SCENE = "eight_ball"
 
@@ -119,7 +125,7 @@ class Settings:
         for name in GROUP_QUANTITIES:
             group, _, field = name.partition(".")
             values[name] = getattr(getattr(self.scene, group), field)
-        return values
+        return values | {name: self.given.get(name, "") for name in GROUP_PRESETS}
 
 
 def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Settings:
@@ -135,9 +141,8 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
     """
     for name in given:
         group = name.partition(".")[0]
-        if group in GROUPS and name not in GROUP_QUANTITIES:
-            known = ", ".join(quantities(GROUPS[group]))
-            raise ValueError(f"no parameter {name!r}; under {group!r} there are {known}")
+        if group in GROUPS and name not in GROUP_QUANTITIES and name not in GROUP_PRESETS:
+            raise ValueError(f"no parameter {name!r}; under {group!r} there are {', '.join(_fields(group))}")
     own: dict[str, Any] = {
         name: number(name, given.get(name, default), declared) for name, (default, declared) in NUMBERS.items()
     }
@@ -154,7 +159,7 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
             for field, declared in quantities(GROUPS[group]).items()
             if f"{group}.{field}" in given
         }
-        groups[group] = dataclasses.replace(getattr(start, group), **values)
+        groups[group] = dataclasses.replace(_base(group, given, start), **values)
     try:
         scene = BUILT_IN[scene_name](**groups) if scene_name in BUILT_IN else dataclasses.replace(start, **groups)
     except ValueError as error:
@@ -174,17 +179,31 @@ def change_settings(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     return read_settings({**settings.given, **changes}, None if "scene" in changes else settings.loaded)
 
 
+def followers(settings: Settings) -> dict[str, Any]:
+    """The values of the parameters of groups, by name: a preset changes those that are not given."""
+    return {name: value for name, value in settings.values().items() if name in GROUP_QUANTITIES}
+
+
 def check_changeable(settings: Settings, changes: Mapping[str, Any]) -> None:
     """Raises:
     ValueError: a change of what is fixed while the node runs.
     """
     present = settings.values()
-    for name, value in changes.items():
-        if is_geometry(name):
-            declared = GROUP_QUANTITIES[name]
+    given = {**settings.given, **changes}
+    for name, declared in GROUP_QUANTITIES.items():
+        group, _, field = name.partition(".")
+        if not is_geometry(name):
+            continue
+        value, said = given.get(name), "got"
+        if value is None:
+            value, said = (
+                getattr(_base(group, given, settings.loaded), field),
+                f"{group}.preset {given.get(f'{group}.preset', '')!r} brings",
+            )
+        if value != present[name]:
             raise ValueError(
                 f"parameter {name!r} is fixed while the node runs, at {present[name]:.9g}{_unit(declared)}; "
-                f"got {value!r}: give it at the start, or reset to a scene file that brings it"
+                f"{said} {value!r}: give it at the start, or reset to a scene file that brings it"
             )
 
 
@@ -208,13 +227,19 @@ def changes(given: Iterable[Parameter], shown: Mapping[str, Any]) -> dict[str, A
     """Those of the parameters that this module declares and that change something, by name.
 
     A value that is shown already is no change, so a dump of all parameters can be loaded at any time. But a scene file
-    that is named again is read again: somebody may have edited it.
+    that is named again is read again: somebody may have edited it. And what comes with a new preset holds against it.
     """
-    last = {one.name: one for one in given}  # of several values of one parameter the last counts, as for every node
+    last = {one.name: one.value for one in given}  # of several values of one the last counts, as for every node
+    new = {name.partition(".")[0] for name in GROUP_PRESETS if last.get(name, shown[name]) != shown[name]}
     return {
-        one.name: one.value
-        for one in last.values()
-        if one.name in shown and (one.value != shown[one.name] or (one.name == "scene" and one.value not in BUILT_IN))
+        name: value
+        for name, value in last.items()
+        if name in shown
+        and (
+            value != shown[name]
+            or (name == "scene" and value not in BUILT_IN)
+            or (name in GROUP_QUANTITIES and name.partition(".")[0] in new)
+        )
     }
 
 
@@ -236,6 +261,14 @@ def find_scene(name: Any) -> Scene:
         raise ValueError(f"parameter 'scene': cannot read {shown(name)}: {error}") from None
     except ValueError as error:
         raise ValueError(f"parameter 'scene': {error}") from None
+
+
+def _base(group: str, given: Mapping[str, Any], start: Scene) -> Any:
+    # What the parameters of a group that are not given follow.
+    name = f"{group}.preset"
+    if given.get(name, "") == "":
+        return getattr(start, group)
+    return preset(f"parameter {name!r}", given[name], GROUP_PRESETS[name])()
 
 
 def number(name: str, given: Any, declared: Quantity) -> float:
@@ -316,6 +349,11 @@ def declare(node: Node, settings: Settings) -> None:
     for name, (_, text) in TEXTS.items():
         descriptor = ParameterDescriptor(description=text, additional_constraints=AT_REST)
         node.declare_parameter(name, values[name], descriptor, ignore_override=True)
+    for name, presets in GROUP_PRESETS.items():
+        descriptor = ParameterDescriptor(
+            description=PRESET_HELP.format(", ".join(presets)), additional_constraints=AT_REST
+        )
+        node.declare_parameter(name, values[name], descriptor, ignore_override=True)
     for name, declared in GROUP_QUANTITIES.items():
         _declare_number(node, name, values[name], declared)
 
@@ -334,6 +372,7 @@ def help_lines() -> str:
     for name, (on, text) in SWITCHES.items():
         lines.append(f"  {name} ({str(on).lower()}): {text}")
     lines += [f"  {name} ({default!r}): {text}" for name, (default, text) in TEXTS.items()]
+    lines += [f"  {name} (''): {PRESET_HELP.format(', '.join(presets))}" for name, presets in GROUP_PRESETS.items()]
     for name, declared in GROUP_QUANTITIES.items():
         group, _, field = name.partition(".")
         default = getattr(GROUPS[group](), field)
@@ -342,7 +381,12 @@ def help_lines() -> str:
 
 
 def _names() -> set[str]:
-    return {"scene", *NUMBERS, *SWITCHES, *TEXTS, *GROUP_QUANTITIES}
+    return {"scene", *NUMBERS, *SWITCHES, *TEXTS, *GROUP_PRESETS, *GROUP_QUANTITIES}
+
+
+def _fields(group: str) -> list[str]:
+    presets = ["preset"] if f"{group}.preset" in GROUP_PRESETS else []
+    return presets + list(quantities(GROUPS[group]))
 
 
 def _unit(declared: Quantity) -> str:

@@ -9,6 +9,8 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.record import Run
 from billiards_sim.engine.recorder import Recorder
@@ -111,11 +113,20 @@ class Prediction:
         events = list(self._log[:MOST_EVENTS])
         complete = self._twin.at_rest and len(events) == len(self._log)
         cut = len(events) < len(self._log)
-        end = events[-1].time if complete or cut else self._twin.time
+        end = self._rest_time(events[-1].time) if complete else events[-1].time if cut else self._twin.time
         run = Run(scene, self._recorder, events, self._start, end)
         paths = {name: [tuple(point) for point in run.path(name).tolist()] for name in self._lay}
         paths = {name: path if path[0] == self._lay[name] else [self._lay[name], *path] for name, path in paths.items()}
         return Preview(scene, self._start, end, complete, events, paths)
+
+    def _rest_time(self, last: float) -> float:
+        # From the last event, s, on: until the last spin about the vertical has ended, where they do.
+        deceleration = self._twin.start_scene.physics.spin_deceleration
+        if deceleration == 0.0:
+            return last
+        run = Run(self._twin.start_scene, self._recorder, self._log, self._start, self._twin.time)
+        spin = float(np.abs(run.angular_velocities([last])[0, :, 2]).max())
+        return min(last + spin / deceleration, self._twin.time)
 
 
 def predict(simulation: Simulation, shot: Shot) -> Preview:

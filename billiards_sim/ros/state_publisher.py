@@ -234,11 +234,12 @@ class StatePublisher:
             self._collisions_publisher.publish(String(data=json.dumps(self._events.take())))
 
     def _publish_twists(self, look: Look, stamp: int) -> None:
-        # Every tick of a ball that moves, once when it has come to rest, and then when it is its turn.
+        # Every tick of a ball that moves or spins ever less, once when it has come to rest, and then in its turn.
         due = look.in_play & (self._twists_due | (self._forms.turns == self._ticks % self._forms.round))
         if look.at_rest and not due.any():
             return
-        motion = np.concatenate((look.velocities, look.spins[:, :2]), axis=1)
+        changing = look.spins if self._forms.scene.physics.spin_friction > 0.0 else look.spins[:, :2]
+        motion = np.concatenate((look.velocities, changing), axis=1)
         moving = np.abs(motion).max(axis=1) > 0.0
         for index in np.flatnonzero(due | moving).tolist():
             message = self._forms.twists[index].at(look.velocities[index], look.spins[index], stamp)

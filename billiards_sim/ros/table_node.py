@@ -210,7 +210,7 @@ class TableNode(Node):
             self._publisher.events(events, self._stamps)
             missing = until - self._simulation.time
             self._lost_time += missing if missing > TIME_ROUNDING else 0.0
-            at_rest = self._simulation.at_rest if len(events) else rested
+            at_rest = self._simulation.at_rest if len(events) or not rested else True
         self._lags = self._settings.publish_clock or not at_rest
         if at_rest and not self._settings.publish_clock:
             # Simulated time that went on at rest does not count. No stamp goes back or, lest tf complain, comes twice.
@@ -382,16 +382,16 @@ class TableNode(Node):
         # The new scene may have other balls, and brings a table and physics of its own. First what may fail:
         Simulation(settings.scene)
         forms = self._publisher.prepare(settings)
-        self._show(settings)
+        self._show(settings.values())
         self._publisher.erase()
         self._previews.erase()
         self._settings = settings
         self._publisher.use(forms)
         self._publisher.table(self._stamp())
 
-    def _show(self, settings: parameters.Settings) -> None:
-        values = settings.values().items()
-        changed = [Parameter(name, value=value) for name, value in values if value != self.get_parameter(name).value]
+    def _show(self, values: Mapping[str, Any]) -> None:
+        shown = {name: self.get_parameter(name).value for name in values}
+        changed = [Parameter(name, value=value) for name, value in values.items() if value != shown[name]]
         if not changed:  # rclpy refuses an empty list
             return
         with self._adopting_parameters():
@@ -422,9 +422,9 @@ class TableNode(Node):
         return SetParametersResult(successful=True)
 
     def _prepare(self, changes: Mapping[str, Any]) -> Change:
-        parameters.check_changeable(self._settings, changes)
-        check_at_rest(self._simulation, f"a change of {', '.join(changes)}")
         now = {name: value for name, value in changes.items() if name != "scene"}
+        parameters.check_changeable(self._settings, now)
+        check_at_rest(self._simulation, f"a change of {', '.join(changes)}")
         settings = parameters.change_settings(self._settings, now) if now else self._settings
         same = "scene" not in changes and self._after_reset is self._settings
         after_reset = settings if same else parameters.change_settings(self._after_reset, changes)
@@ -457,9 +457,7 @@ class TableNode(Node):
         laid = dataclasses.replace(
             scene, positions=positions, velocities=still, angular_velocities=spins, in_play=in_play, shot=None
         )
-        simulation = Simulation(laid)
-        simulation.advance(self._simulation.time)
-        return simulation
+        return Simulation(laid, self._simulation.time)
 
     @between_ticks
     def _on_parameters_set(self, _: list[Parameter]) -> None:
@@ -469,6 +467,7 @@ class TableNode(Node):
         self._put(self._relaid(change.settings.scene))
         moved = change.settings.frame_id != self._settings.frame_id
         self._settings, self._after_reset = change.settings, change.after_reset
+        self._show(parameters.followers(self._settings))
         self.metronome.set_rate(self._settings.update_rate)
         self._publisher.use(change.forms)
         if moved:

@@ -2,7 +2,9 @@
 """A cue shot as a wrench about the ball's centre, and back.
 
 With the contact point r = (-behind, side, up) and the force F = (f, 0, 0) in the shot's own frame (x' along the force,
-y' to its left, z' up), the torque r x F is (0, up f, -side f).
+y' to its left, z' up), the torque r x F is (0, up f, -side f). Where the butt is raised by theta, x' points down by it
+and z' leans forward: with d the direction of the force along the table, x' = cos theta d - sin theta z and
+z' = sin theta d + cos theta z.
 """
 
 from __future__ import annotations
@@ -38,22 +40,26 @@ def shot_from_wrench(message: WrenchStamped, frame: str) -> Shot:
         frame: of the table.
 
     Raises:
-        ValueError: not finite, another frame, vertical or zero force, torque along the force.
+        ValueError: not finite, another frame, a force that is zero along the table or points up, torque along the
+            force.
     """
     check_frame(message.header.frame_id, frame)
     force, torque = message.wrench.force, message.wrench.torque
     for name, vector, unit in (("force", force, "N"), ("torque", torque, "N m")):
         if not all(map(math.isfinite, (vector.x, vector.y, vector.z))):
             raise ValueError(f"{name} must be finite, got ({vector.x}, {vector.y}, {vector.z}) {unit}")
-    if force.z != 0.0:
-        raise ValueError(f"force z must be 0: the cue is level; got {force.z:.9g} N")
-    size = math.hypot(force.x, force.y)
-    if size == 0.0:
-        raise ValueError("force must not be zero")
-    along_x, along_y = force.x / size, force.y / size
-    along = (torque.x * along_x + torque.y * along_y) / size
-    side = -torque.z / size
-    up = (torque.y * along_x - torque.x * along_y) / size
+    if force.z > 0.0:
+        raise ValueError(f"force z must be <= 0: a cue does not lift the ball; got {force.z:.9g} N")
+    level = math.hypot(force.x, force.y)
+    if level == 0.0:
+        raise ValueError("force must not be zero along the table")
+    size = math.hypot(level, force.z)
+    cosine, sine = level / size, -force.z / size
+    ahead_x, ahead_y = force.x / level, force.y / level
+    ahead = torque.x * ahead_x + torque.y * ahead_y
+    along = (cosine * ahead - sine * torque.z) / size
+    side = -(sine * ahead + cosine * torque.z) / size
+    up = (torque.y * ahead_x - torque.x * ahead_y) / size
     if not math.isfinite(along + side + up):
         raise ValueError(f"torque over force must be finite, got a force of {size:.9g} N")
     if abs(along) > TORQUE_TOLERANCE:
@@ -62,7 +68,7 @@ def shot_from_wrench(message: WrenchStamped, frame: str) -> Shot:
             f"allowed up to {TORQUE_TOLERANCE * size:.6g} N m"
         )
     offset = (round(side, OFFSET_DECIMALS) + 0.0, round(up, OFFSET_DECIMALS) + 0.0)  # + 0.0 turns -0.0 into 0.0
-    return Shot((force.x, force.y, 0.0), offset)
+    return Shot((force.x, force.y, force.z), offset)
 
 
 def wrench_from_shot(force: Sequence[float], offset: Sequence[float]) -> WrenchStamped:
@@ -70,13 +76,19 @@ def wrench_from_shot(force: Sequence[float], offset: Sequence[float]) -> WrenchS
 
     Args:
         force: (x, y, z) N.
-        offset: (side, up) m from the ball's centre, seen along the force.
+        offset: (side, up) m from the ball's centre, seen along the force and across it.
     """
     side, up = offset
+    fx, fy, fz = (float(value) for value in force)
+    level = math.hypot(fx, fy)
     message = WrenchStamped()
     wrench = message.wrench
-    wrench.force.x, wrench.force.y, wrench.force.z = (float(value) for value in force)
-    wrench.torque.x = float(-wrench.force.y * up)
-    wrench.torque.y = float(wrench.force.x * up)
-    wrench.torque.z = float(-side * math.hypot(wrench.force.x, wrench.force.y))
+    wrench.force.x, wrench.force.y, wrench.force.z = fx, fy, fz
+    wrench.torque.x = float(-fy * up)
+    wrench.torque.y = float(fx * up)
+    wrench.torque.z = float(-side * level)
+    if fz != 0.0 and level > 0.0:
+        steeper = math.hypot(level, fz) / level
+        wrench.torque.x = float(-fy * up * steeper + side * fz * fx / level)
+        wrench.torque.y = float(fx * up * steeper + side * fz * fy / level)
     return message

@@ -254,7 +254,7 @@ def _print_summary(recording: Recording, options: argparse.Namespace) -> None:
     say(f"  simulated time  {recording.end.time:.6g} s, {'at rest' if recording.at_rest else 'balls still move'}")
     say(f"  events          {len(recording.events)}{': ' if kinds else ''}{kinds}")
     say(f"  wall time       {recording.wall_seconds:.3g} s")
-    if recording.at_rest and not recording.events:
+    if not recording.events and not recording.start.velocities.any() and not recording.start.angular_velocities.any():
         say("  nothing moved: the scene has no shot; --speed V and --angle A hit the ball cue")
 
 

@@ -33,7 +33,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -57,6 +57,14 @@ ROLLING_MARGIN = 0.01
 
 NO_CONTACT = 100.0
 """s. What the paper's program takes for a contact that does not come."""
+
+MODELLED = {
+    *("mass", "radius", "gravity", "sliding_friction", "rolling_friction", "rail_restitution"),
+    *("length", "width", "rail_thickness"),
+    *("cue_contact_time", "cue_end_mass", "miscue_limit"),  # shots are the engine's
+    "ball_friction_decay",  # of a friction that is 0
+}
+"""Fields of physics and table that the stepped solvers know; the others must be as they are for the paper."""
 
 STALLED_CONTACTS = 1000
 """Contacts after which the clock must be half a time step further; a break at 8 m/s has some tens in all."""
@@ -136,7 +144,8 @@ class SteppedSolver(ABC):
         time_step: s.
 
     Raises:
-        ValueError: `time_step` is not > 0 or above `LONGEST_STEP`; a ball is not in play.
+        ValueError: `time_step` is not > 0 or above `LONGEST_STEP`; a ball is not in play; physics or table have an
+            effect that the paper does not.
 
     Its events are shots and collisions; ends of slip and of motion are not among them.
     """
@@ -147,6 +156,7 @@ class SteppedSolver(ABC):
         if not scene.in_play.all():
             off = scene.names[int(np.argmin(scene.in_play))]
             raise ValueError(f"the stepped solvers take scenes with every ball in play; ball {off!r} is not")
+        _check_effects(scene)
         self._scene = scene
         self._time_step = time_step
         self._time = 0.0
@@ -517,6 +527,17 @@ class TimeStepSolver(SteppedSolver):
         speed = _size(velocities)[:, np.newaxis]
         left = np.divide(speed - change, speed, out=np.zeros_like(speed), where=speed > change)
         return velocities * left
+
+
+def _check_effects(scene: Scene) -> None:
+    for owner in (scene.physics, scene.table):
+        for field in fields(owner):
+            value = getattr(owner, field.name)
+            if field.name not in MODELLED and value != field.default:
+                raise ValueError(
+                    f"the stepped solvers have the paper's model: {type(owner).__name__.lower()}.{field.name} must be "
+                    f"{field.default!r}, got {value!r}"
+                )
 
 
 def _slip(balls: Balls, lever: float) -> Array:

@@ -97,7 +97,9 @@ def test_frozen_ball_is_hit_without_any_displacement() -> None:
 @pytest.mark.parametrize(
     "force, offset, ball, complaint",
     [
-        ((1.0, 0.0, 0.1), (0.0, 0.0), "cue", "force z must be 0.*0.1"),
+        ((1.0, 0.0, 0.1), (0.0, 0.0), "cue", "force z must be <= 0.*0.1"),
+        ((0.0, 0.0, -1.0), (0.0, 0.0), "cue", "force must not be zero along the table"),
+        ((1.0, 0.0, -1e300), (0.0, 0.0), "cue", "force must give the ball a speed <= 2.9979.* m/s"),
         ((0.0, 0.0, 0.0), (0.0, 0.0), "cue", "force must not be zero"),
         ((math.nan, 0.0, 0.0), (0.0, 0.0), "cue", "force must be finite.*nan"),
         ((1.0, math.inf, 0.0), (0.0, 0.0), "cue", "force must be finite.*inf"),

@@ -108,6 +108,25 @@ def test_numbers_are_those_of_python(tmp_path: Path, parser: str, text: str, val
     assert shot.force[0] == value
 
 
+@pytest.mark.parametrize(
+    ("text", "physics"),
+    [
+        ("pool", bs.Physics.pool()),
+        ("{preset: snooker}", bs.Physics.snooker()),
+        ("{preset: carom, ball_restitution: 0.9}", bs.Physics.carom(ball_restitution=0.9)),
+        ("{ball_restitution: 0.9, preset: pool}", bs.Physics.pool(ball_restitution=0.9)),
+        ("{ball_restitution: 0.9}", bs.Physics(ball_restitution=0.9)),
+    ],
+)
+def test_a_file_may_name_a_preset(tmp_path: Path, parser: str, text: str, physics: bs.Physics) -> None:
+    scene = bs.load_scene(written(tmp_path, BALLS + f"physics: {text}\ntable: {{nose_height: 0.635}}"))
+    assert (scene.physics, scene.table) == (physics, bs.Table(nose_height=0.635))
+    path = tmp_path / "saved.yaml"
+    bs.save_scene(scene, path)
+    assert bs.load_scene(path) == scene
+    assert "preset" not in path.read_text()  # its figures are there, whatever the preset will be
+
+
 def test_file_keeps_whether_orientation_is_tracked(tmp_path: Path, parser: str) -> None:
     path = tmp_path / "scene.yaml"
     for tracked in (True, False):
@@ -138,7 +157,15 @@ def test_file_keeps_whether_orientation_is_tracked(tmp_path: Path, parser: str) 
         ("ball: []\nballs: []", "scene has no key 'ball'"),
         (BALLS + "physics: {friction: 1}", "physics has no field 'friction'; known"),
         (BALLS + "table: {length: -1}", "table.length must be a number > 0"),
-        (BALLS + "physics: false", "physics must be a mapping of names to numbers, got False"),
+        (BALLS + "physics: false", "physics must be a mapping of names to numbers or one of the presets pool, .*False"),
+        (BALLS + "physics: billiards", "physics.preset must be one of pool, snooker, carom, got 'billiards'"),
+        (BALLS + "physics: {preset: Pool}", "physics.preset must be one of pool, snooker, carom, got 'Pool'"),
+        (BALLS + "physics: {preset: }", "physics.preset must be one of pool, snooker, carom, got None"),
+        (BALLS + "physics: {preset: [pool]}", r"physics.preset must be one of .*, got \['pool'\]"),
+        (BALLS + "physics: {preset: pool, mass: -1}", "physics.mass must be a number >= 1e-06.*got -1"),
+        (BALLS + "physics: {preset: pool, friction: 1}", "physics has no field 'friction'; known: preset, mass"),
+        (BALLS + "table: pool", "table must be a mapping of names to numbers, got 'pool'"),
+        (BALLS + "table: {preset: pool}", "table has no field 'preset'; known: length"),
         (BALLS + "table: 0", "table must be a mapping of names to numbers, got 0"),
         (BALLS + "table: []", r"table must be a mapping of names to numbers, got \[\]"),
         (BALLS + "name: 3", "name must be a text, got 3"),

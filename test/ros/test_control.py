@@ -129,6 +129,21 @@ def test_a_wpa_table_stands_in_a_namespace_with_its_rack_on_the_foot_spot(
     assert client.shoot(SHOT)["accepted"]
 
 
+@pytest.mark.parametrize("name", ["snooker_12ft", "carom_10ft"])
+def test_a_table_of_another_game_takes_shots_up_to_its_miscue_limit(site: Site, name: str) -> None:
+    path = str(Path(__file__).parents[2] / "config" / f"{name}.yaml")
+    site.process("table", "--ros-args", "--params-file", path, "-p", "scene:=eight_ball").wait_for("ready: ")
+    client = site.client()
+    assert client.get_parameters("physics.preset") == [name.partition("_")[0]]
+    (radius,) = client.get_parameters("physics.radius")
+    assert isinstance(radius, float)
+    refused = client.shoot(wrench_from_shot((200.0, 0.0, 0.0), (0.6 * radius, 0.0)))
+    assert "the miscue limit is 0.5 radii, " in refused["reason"]
+    assert client.shoot(wrench_from_shot((200.0, 0.0, 0.0), (0.4 * radius, 0.0)))["accepted"]
+    client.reset()
+    assert client.shoot(wrench_from_shot((200.0, 0.0, -50.0), (0.4 * radius, 0.0)))["accepted"]
+
+
 def test_two_tables_in_namespaces_do_not_hear_each_other(site: Site) -> None:
     site.table("scene:=eight_ball", remap="__ns:=/left")
     site.table("scene:=eight_ball", remap="__ns:=/right")

@@ -30,6 +30,10 @@ def rows() -> list[str]:
         f"| `{name}` | {default and f'`{default}`'} | | | {text} |"
         for name, (default, text) in parameters.TEXTS.items()
     ]
+    rows += [
+        f"| `{name}` |  | | | {parameters.PRESET_HELP.format(', '.join(presets))} |"
+        for name, presets in parameters.GROUP_PRESETS.items()
+    ]
     declared = [(name, default, quantity) for name, (default, quantity) in parameters.NUMBERS.items()]
     for group, owner in parameters.GROUPS.items():
         for field, quantity in quantities(owner).items():

@@ -66,7 +66,13 @@ BAD = [
     ({"frame_id": "cue", "publish_tf": True}, "cannot both have the frame 'cue'"),
     ({"physics.mass": 0.0}, "'physics.mass' must be a number >= 1e-06"),
     ({"physics.rail_restitution": 1.5}, "got 1.5"),
-    ({"physics.mas": 0.1}, "no parameter 'physics.mas'"),
+    ({"physics.mas": 0.1}, "no parameter 'physics.mas'; under 'physics' there are preset, mass, "),
+    (
+        {"physics.preset": "billiards"},
+        "parameter 'physics.preset' must be one of pool, snooker, carom, got 'billiards'",
+    ),
+    ({"physics.preset": 3}, "parameter 'physics.preset' must be one of pool, snooker, carom, got 3"),
+    ({"table.preset": "pool"}, "no parameter 'table.preset'; under 'table' there are length, "),
     ({"table.length": [1.0]}, "'table.length' must be a number"),
     ({"scene": 3}, "'scene' must be a string"),
     ({"scene": "nine_ball"}, "neither a file nor one of head_on"),
@@ -109,10 +115,11 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     defaults = parameters.read_settings({})
     given = document["/**"]["ros__parameters"]
     names = (*parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS)
+    presets = {"physics": {"preset": ""}, "table": {}}
     assert given == {name: getattr(defaults, name) for name in names} | {"scene": "eight_ball"}
     whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )?\w+:)", "    ", text))["/**"]["ros__parameters"]
     for group, owner in parameters.GROUPS.items():
-        assert whole[group] == {field: getattr(owner(), field) for field in quantities(owner)}
+        assert whole[group] == presets[group] | {field: getattr(owner(), field) for field in quantities(owner)}
     given = {f"{group}.{key}": value for group in parameters.GROUPS for key, value in whole[group].items()}
     assert parameters.read_settings(given).scene.physics == bs.Physics()
 
@@ -134,13 +141,46 @@ def test_wpa_tables_are_within_the_specification(name: str) -> None:
     assert 4.0 <= scene.table.rail_thickness / 0.0254 <= 7.5
     assert 2.0 * scene.physics.radius == pytest.approx(2.25 * 0.0254, abs=1e-12)
     assert 5.5 <= scene.physics.mass / 0.028349523125 <= 6.0
+    assert 0.625 <= scene.table.nose_height <= 0.645
+    assert scene.physics == bs.Physics.pool()
     assert scene.positions[1] == pytest.approx(scene.table.foot_spot, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "physics", "area", "nose"),
+    [
+        ("snooker_12ft.yaml", bs.Physics.snooker(), (3.569, 1.778), 1.4 * 0.02625),  # Mathavan: 7/5 R
+        ("carom_10ft.yaml", bs.Physics.carom(), (2.84, 1.42), 0.037),  # UMB
+    ],
+)
+def test_tables_of_other_games_are_as_their_rules_say(name: str, physics: bs.Physics, area: tuple, nose: float) -> None:
+    groups = yaml.safe_load((CONFIG / name).read_text())["/**"]["ros__parameters"]
+    given = {f"{group}.{key}": value for group in parameters.GROUPS for key, value in groups[group].items()}
+    scene = parameters.read_settings(given).scene
+    assert scene.physics == physics
+    assert (scene.table.length, scene.table.width) == area
+    assert scene.table.nose_height * 2.0 * physics.radius == pytest.approx(nose, abs=1e-5)
+
+
+def test_what_is_given_wins_over_the_preset_and_the_preset_over_the_scene(tmp_path: Path) -> None:
+    given = {"scene": scene_file(tmp_path), "physics.preset": "pool", "physics.ball_restitution": 1}
+    assert parameters.read_settings(given).scene.physics == bs.Physics.pool(ball_restitution=1.0)
+    given = {"scene": scene_file(tmp_path), "physics.preset": ""}
+    assert parameters.read_settings(given).scene.physics == bs.Physics(mass=0.17, sliding_friction=0.25)
+
+
+def test_a_scene_file_brings_a_preset(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text("physics: snooker\nballs: [{name: cue, position: [0.6, 0.6]}]")
+    settings = parameters.read_settings({"scene": str(path), "physics.mass": 0.14})
+    assert settings.scene.physics == bs.Physics.snooker(mass=0.14)
+    assert settings.values()["physics.preset"] == ""
 
 
 def test_help_names_every_parameter_with_default_and_unit() -> None:
     text = parameters.help_lines()
     names = [f"{group}.{field}" for group, owner in parameters.GROUPS.items() for field in quantities(owner)]
-    for name in ("scene", *parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS, *names):
+    for name in ("scene", *parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS, "physics.preset", *names):
         assert f"\n  {name} (" in f"\n{text}"
     for part in (
         "update_rate (100 Hz, ",
@@ -199,6 +239,90 @@ def test_physics_change_at_rest_and_the_balls_stay(table: TableNode) -> None:
     assert (after.time, after.at_rest) == (0.5, True)
     after.strike((85.0, 0.0, 0.0))
     assert after.velocities[0, 0] == pytest.approx(5.0)
+
+
+def shown_physics(node: TableNode) -> bs.Physics:
+    return bs.Physics(**{field: node.get_parameter(f"physics.{field}").value for field in quantities(bs.Physics)})
+
+
+def test_a_preset_comes_and_goes_at_rest_and_the_balls_stay(table: TableNode) -> None:
+    table.advance(0.5)
+    before = table.simulation
+    assert change(table, physics__mass=0.165) == ""
+    assert change(table, physics__preset="pool") == ""
+    assert table.simulation.start_scene.physics == shown_physics(table) == bs.Physics.pool(mass=0.165)
+    assert table.get_parameter("physics.preset").value == "pool"
+    assert np.array_equal(table.simulation.positions, before.positions)
+    assert (table.simulation.time, table.simulation.at_rest) == (0.5, True)
+    assert change(table, physics__preset="") == ""
+    assert table.simulation.start_scene.physics == shown_physics(table) == bs.Physics(mass=0.165)
+
+
+def test_what_comes_with_a_preset_wins_even_where_it_is_no_change(table: TableNode) -> None:
+    assert change(table, physics__preset="pool", physics__ball_restitution=1.0, update_rate=50) == ""
+    assert table.simulation.start_scene.physics == shown_physics(table) == bs.Physics.pool(ball_restitution=1.0)
+    dump = {name.replace(".", "__"): value for name, value in table.settings.values().items()}
+    assert change(table, physics__preset="", physics__ball_restitution=0.5, update_rate=100) == ""
+    assert change(table, **dump) == ""
+    assert shown_physics(table) == bs.Physics.pool(ball_restitution=1.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"physics__preset": "Pool"}, "parameter 'physics.preset' must be one of pool, snooker, carom, got 'Pool'"),
+        ({"physics__preset": 3}, "Wrong parameter type"),
+        (
+            {"physics__preset": "snooker"},
+            "parameter 'physics.radius' is fixed while the node runs, at 0.028575 m; physics.preset 'snooker' brings "
+            "0.02625: give it at the start, or reset to a scene file that brings it",
+        ),
+        ({"physics__preset": "pool", "physics__mass": -1.0}, "physics.mass out of range"),
+        ({"physics__preset": "pool", "table__nose_height": 0.635}, "'table.nose_height' is fixed while the node runs"),
+    ],
+)
+def test_a_preset_is_refused_together_with_what_comes_with_it(table: TableNode, changes: dict, reason: str) -> None:
+    before = (table.settings, table.simulation)
+    refused = change(table, physics__gravity=9.8, **changes)
+    assert reason in refused
+    assert "\n" not in refused
+    assert (table.settings, table.simulation) == before
+    assert shown_physics(table) == bs.Physics()
+    assert table.get_parameter("physics.preset").value == ""
+
+
+def test_the_radius_that_a_preset_brought_stays_when_it_goes(make_node: Callable[..., TableNode]) -> None:
+    node = make_node("physics.preset:=snooker")
+    node.start()
+    assert shown_physics(node) == bs.Physics.snooker()
+    assert "physics.preset '' brings 0.028575" in change(node, physics__preset="")
+    assert shown_physics(node) == bs.Physics.snooker()
+
+
+def test_a_radius_that_is_given_lets_presets_change(make_node: Callable[..., TableNode]) -> None:
+    given = make_node("physics.preset:=snooker", "physics.radius:=0.026")
+    given.start()
+    assert change(given, physics__preset="carom") == ""
+    assert shown_physics(given) == bs.Physics.carom(radius=0.026)
+
+
+def test_a_preset_does_not_disturb_a_scene_that_waits(table: TableNode, tmp_path: Path) -> None:
+    path = tmp_path / "one.yaml"
+    path.write_text("physics: carom\nballs: [{name: cue, position: [0.6, 0.6]}]")
+    assert change(table, scene=str(path)) == ""
+    assert change(table, physics__preset="pool") == ""
+    assert table.get_parameter("scene").value == str(path)
+    assert len(table.simulation.positions) == 16
+    table.reset()
+    assert shown_physics(table) == table.simulation.start_scene.physics == bs.Physics.pool()
+    assert change(table, physics__spin_friction=0.0) == ""
+    assert table.simulation.start_scene.physics == bs.Physics.pool(spin_friction=0.0)
+
+
+def test_no_preset_comes_while_balls_move(table: TableNode) -> None:
+    table.simulation.strike((80.0, 0.0, 0.0))
+    reason = change(table, physics__preset="pool")
+    assert reason == "every ball must rest before a change of physics.preset: ball 'cue' moves at 5 m/s"
 
 
 def test_an_integer_becomes_a_double(table: TableNode) -> None:

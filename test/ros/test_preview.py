@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from visualization_msgs.msg import Marker
 
 import billiards_sim as bs
 from billiards_sim.engine import record
+from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros import markers, messages, preview
 from billiards_sim.ros.table_node import TableNode
-from billiards_sim.ros.wrench import wrench_from_shot
+from billiards_sim.ros.wrench import shot_from_wrench, wrench_from_shot
 
 BREAK = Shot((125.0, 6.0, 0.0), (0.004, -0.002))
 RADIUS = bs.Physics().radius
@@ -35,6 +37,33 @@ def test_a_preview_is_what_the_shot_does_and_changes_nothing() -> None:
     assert list(found.events) == events
     assert [*found.final_positions.values()] == [tuple(row) for row in simulation.positions.tolist()]
     assert (found.start, found.end, found.complete) == (1.5, events[-1].time, True)
+
+
+def test_a_preview_lasts_until_the_last_spin_has_ended() -> None:
+    # Squarely into a ball the cue ball stops with its side, which ends after the other has rolled out.
+    simulation = bs.Simulation(bs.Scene([[0.5, 0.6], [0.6, 0.6]], physics=bs.Physics.pool(spin_friction=0.004)))
+    shot = Aim(0.6, 0.0, side=0.4).shot(simulation.start_scene.physics)
+    found = preview.predict(simulation, shot)
+    simulation.strike(shot.force, shot.offset)
+    events = list(simulation.run())
+    assert list(found.events) == events
+    assert found.complete
+    assert found.end == pytest.approx(simulation.time, abs=1e-12)
+    assert found.end > events[-1].time + 0.1
+    assert [*found.final_positions.values()] == [tuple(row) for row in simulation.positions.tolist()]
+
+
+def test_a_preview_of_a_raised_shot_on_a_pool_table_is_the_shot(make_node: Callable[..., TableNode]) -> None:
+    node = make_node("physics.preset:=pool")
+    node.start()
+    shot = Aim(6.0, 0.02, side=0.3, up=-0.2, elevation=0.2).shot(node.settings.scene.physics)
+    message = wrench_from_shot(shot.force, shot.offset)
+    found = preview.predict(node.simulation, shot_from_wrench(message, "table"))
+    node._on_cue_shot(message)
+    assert list(found.events) == list(node.simulation.run())
+    assert len(found.events) > 50
+    assert [*found.final_positions.values()] == [tuple(row) for row in node.simulation.positions.tolist()]
+    assert found.end == pytest.approx(node.simulation.time, abs=1e-12)
 
 
 def test_paths_pass_through_every_contact() -> None:

@@ -134,6 +134,26 @@ def test_a_shot_in_words_takes_the_tables_own_constants(client: Client, shared_s
     assert float(seconds[1]) == pytest.approx(client.collisions[-1]["time"] - shot["time"], abs=6e-4)
 
 
+def test_a_raised_butt_in_words_is_a_force_that_points_down(client: Client, shared_site: Site) -> None:
+    client.reset()
+    shoot = shared_site.process("shoot", *WORDS, "--elevation", "30deg", "--preview")
+    assert shoot.wait() == 0, shoot.stderr
+    told = re.search(r"force \((\S+), (\S+), (\S+)\) N, torque \((\S+), (\S+), (\S+)\) N m", shoot.stdout)
+    assert told is not None
+    fx, fy, fz, *torque = (float(number) for number in told.groups())
+    level = 0.2 * 3.0 / 0.004
+    assert (math.hypot(fx, fy), fz) == pytest.approx((level, -level * math.tan(math.radians(30.0))), rel=1e-5)
+    # Its torque has no part along the cue, and that to the left is up times the whole force.
+    ahead = [math.cos(math.radians(-12.0)), math.sin(math.radians(-12.0))]
+    radius = bs.Physics().radius
+    assert fx * torque[0] + fy * torque[1] + fz * torque[2] == pytest.approx(0.0, abs=1e-4 * level)
+    left = ahead[0] * torque[1] - ahead[1] * torque[0]
+    assert left == pytest.approx(-0.2 * radius * math.hypot(level, fz), rel=1e-4)
+    refused = shared_site.process("shoot", *WORDS, "--elevation", "91deg")
+    assert refused.wait() == 2
+    assert "elevation must be >= 0 and < pi/2 rad, got 1.58" in refused.stderr
+
+
 def test_watching_ends_when_somebody_resets_the_table(client: Client, shared_site: Site) -> None:
     shoot = shared_site.process("shoot", "--speed", "5", "--angle", "90deg", "--watch")
     shoot.wait_for("rail y_max")
@@ -141,6 +161,15 @@ def test_watching_ends_when_somebody_resets_the_table(client: Client, shared_sit
     assert shoot.wait() == 0, shoot.stderr
     client.spin_until(lambda: client.at_rest[-1])
     assert positions(client.fresh_poses()[-1])[1] == tuple(bs.scenes.eight_ball().positions[1].tolist())
+
+
+def test_watching_ends_when_the_table_takes_the_next_shot(site: Site) -> None:
+    # The ball rolls for 3 s and spins for 12 s: three quarters and three seconds of the clock.
+    site.table("real_time_factor:=4.0", "physics.spin_friction:=0.001")
+    for option in ("--watch", "--preview"):
+        shoot = site.process("shoot", "--speed", "0.3", "--angle", "90deg", "--side", "0.4", option)
+        assert shoot.wait() == 0, shoot.stdout
+        assert "at rest after" in shoot.stdout
 
 
 def test_watching_ends_when_the_table_goes(site: Site) -> None:

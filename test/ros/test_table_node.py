@@ -111,7 +111,7 @@ def wrench(force: tuple = (80, 0, 0), torque: tuple = (0, 0, 0), frame: str = "t
 BAD_SHOTS = {
     "nan": (wrench(force=(math.nan, 0, 0)), "force must be finite"),
     "infinite": (wrench(torque=(0, math.inf, 0)), "torque must be finite"),
-    "z": (wrench(force=(80, 0, 5)), "force z must be 0: the cue is level; got 5 N"),
+    "z": (wrench(force=(80, 0, 5)), "force z must be <= 0: a cue does not lift the ball; got 5 N"),
     "zero": (wrench(force=(0, 0, 0)), "zero"),
     "off the ball": (wrench(torque=(0, 0, 80 * 0.0287)), "0.0287 m from its centre, the radius is 0.028575 m"),
     "along": (wrench(torque=(0.5, 0, 0)), "torque along the force: it is 0.5 N m, allowed up to 0.0008 N m"),

@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import math
 import os
 import subprocess
 import sys
@@ -226,6 +227,53 @@ def test_summary_names_solver_time_events_and_files(tmp_path: Path, capsys: pyte
     assert lines["wall time"].strip().endswith(" s")
     assert lines["wrote"].strip() == str(path)
     assert "compiling" in output.err or output.err == ""
+
+
+SPINNING = """
+physics: {preset: pool, mass: 0.16}
+balls: [{name: cue, position: [0.6, 0.6], angular_velocity: [0, 0, 20]}]
+"""
+
+
+def test_a_ball_that_spins_where_it_lies_is_played_until_it_has_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, table = tmp_path / "scene.yaml", tmp_path / "states.csv"
+    path.write_text(SPINNING)
+    document = written_json(tmp_path, str(path), "--csv", str(table), "--sample", "0.1")
+    printed = capsys.readouterr().out
+    deceleration = bs.Physics.pool().spin_deceleration
+    assert document["time"] == pytest.approx(20.0 / deceleration, rel=1e-14)
+    assert (document["events"], document["angular_velocities"]) == ([], [[0.0, 0.0, 0.0]])
+    assert "at rest" in printed
+    assert "nothing moved" not in printed
+    with table.open(newline="") as file:
+        rows = [(float(row["time"]), float(row["wz"])) for row in csv.DictReader(file)]
+    assert len(rows) == 22
+    for time, spin in rows:
+        assert spin == pytest.approx(20.0 - deceleration * time, abs=1e-12)
+    assert simulate.main([str(path), "--until", "0.5"]) == 0
+    assert "balls still move" in capsys.readouterr().out
+
+
+def test_a_raised_butt_is_played(tmp_path: Path) -> None:
+    words = ("--speed", "2", "--angle", "30deg", "--side", "0.3", "--up", "-0.2", "--elevation", "35deg")
+    document = written_json(tmp_path, "eight_ball", *words, "--until", "0.3")
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation.shoot(2.0, math.radians(30.0), side=0.3, up=-0.2, elevation=math.radians(35.0))
+    assert_is_state_of(document, simulation, simulation.run(until=0.3))
+    vx, vy = document["velocities"][0]
+    assert abs(math.atan2(vy, vx) - math.radians(30.0)) > 0.1
+
+
+@pytest.mark.parametrize("solver", ["time_step", "paper"])
+def test_a_stepped_solver_refuses_physics_that_it_does_not_have(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], solver: str
+) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(SPINNING)
+    code = simulate.main([str(path), "--solver", solver, "--until", "1"])
+    assert_refused(capsys, code, 2, "scene.yaml", "physics.ball_restitution must be 1.0, got 0.95")
 
 
 def test_a_scene_where_nothing_moves_says_so(capsys: pytest.CaptureFixture[str]) -> None:

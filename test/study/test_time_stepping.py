@@ -228,6 +228,37 @@ def test_balls_that_are_not_in_play_are_refused(name: str) -> None:
         SOLVERS[name](replace(bs.scenes.head_on(), in_play=[True, False]), 0.01)
 
 
+@pytest.mark.parametrize(
+    ("effect", "paper"),
+    [
+        *(("ball_restitution", 1.0), ("ball_friction", 0.0), ("ball_friction_slow", 0.0)),
+        *(("rail_friction", 0.0), ("spin_friction", 0.0)),
+    ],
+)
+@pytest.mark.parametrize("name", STEPPED)
+def test_physics_that_the_paper_does_not_have_is_refused(name: str, effect: str, paper: float) -> None:
+    scene = bs.scenes.head_on(physics=bs.Physics(**{effect: 0.015625}))
+    with pytest.raises(ValueError, match=f"the paper's model: physics.{effect} must be {paper}, got 0.015625$"):
+        SOLVERS[name](scene, 0.01)
+
+
+@pytest.mark.parametrize("name", STEPPED)
+def test_a_tilted_nose_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=r"the paper's model: table.nose_height must be 0.5, got 0.635$"):
+        SOLVERS[name](bs.scenes.head_on(table=bs.Table(nose_height=0.635)), 0.01)
+
+
+@pytest.mark.parametrize("name", STEPPED)
+def test_the_cue_has_its_effects_in_all_solvers(name: str) -> None:
+    scene = bs.Scene([TABLE.centre], physics=bs.Physics(cue_end_mass=0.006, miscue_limit=0.5))
+    exact, solver = bs.Simulation(scene), SOLVERS[name](scene, 0.01)
+    for each in (exact, solver):
+        each.strike((20.0, 30.0, -10.0), offset=(0.008, 0.0))
+    assert np.array_equal(solver.velocities, exact.velocities)
+    assert np.array_equal(solver.angular_velocities, exact.angular_velocities)
+    assert abs(exact.velocities[0, 0] / exact.velocities[0, 1] - 2.0 / 3.0) > 1e-2
+
+
 @pytest.mark.parametrize("time_step", [0.0, -0.01, float("inf"), float("nan"), 1.01])
 @pytest.mark.parametrize("name", STEPPED)
 def test_time_step_must_be_positive_and_short(name: str, time_step: float) -> None:

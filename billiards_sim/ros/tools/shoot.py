@@ -128,13 +128,13 @@ class Shooter(Node):
         return self._ask(self._previews, message)
 
     def watch(self, commentary: Commentary) -> None:
-        """Print the events of an accepted shot until every ball rests, however long that takes.
+        """Print the events of an accepted shot until the table rests, however long that takes.
 
         Raises:
             NoAnswer: the table went away.
         """
         last = None
-        while not commentary.finished:
+        while not (commentary.finished and self._has_moved and self._at_rest):  # a ball may spin on where it lies
             if self.count_publishers("collisions") == 0:
                 raise NoAnswer("the table went away before the balls came to rest")
             if self._has_moved and self._at_rest:
