@@ -62,7 +62,7 @@ MODELLED = {
     *("mass", "radius", "gravity", "sliding_friction", "rolling_friction", "rail_restitution"),
     *("length", "width", "rail_thickness"),
     *("cue_contact_time", "cue_end_mass", "miscue_limit"),  # shots are the engine's
-    "ball_friction_decay",  # of a friction that is 0
+    *("ball_friction_decay", "poisson_ratio"),  # of a friction that is 0, and of rigid balls
 }
 """Fields of physics and table that the stepped solvers know; the others must be as they are for the paper."""
 
