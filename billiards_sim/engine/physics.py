@@ -85,14 +85,16 @@ class Physics:
         balls: Alciatore, TP A.14, a fit to Marlow's measurements (1995). Everything else is about the middle of what
         Alciatore's "Physical properties" lists as measured: restitution of two balls 0.92 to 0.98, of a cushion 0.6 to
         0.9, sliding 0.15 to 0.4, rolling 0.005 to 0.015, spin 5 to 15 rad/s^2 (here 10), contact with the tip some
-        0.001 s, miscue at half a radius. The friction of a cushion (Han 2005 measured 0.09 to 0.47, falling with the
-        angle of incidence) and the end mass of the cue, which gives 1.9 degrees of squirt there, are choices.
+        0.001 s, miscue at half a radius. Young's modulus and Poisson's ratio are phenolic resin's. The friction of a
+        cushion (Han 2005 measured 0.09 to 0.47, falling with the angle of incidence) and the end mass of the cue, which
+        gives 1.9 degrees of squirt there, are choices.
 
         Raises:
             ValueError: a value out of bounds.
         """
         figures = {
             "mass": 0.17,
+            "youngs_modulus": 5.8e9,
             "ball_restitution": 0.95,
             "ball_friction": 9.951e-3,
             "ball_friction_slow": 0.108,
