@@ -19,6 +19,7 @@ from billiards_sim.engine import cue, machine
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.events import KINDS, Event
 from billiards_sim.engine.features import RAILS
+from billiards_sim.engine.kernels.law.spin import last_spin_end
 from billiards_sim.engine.kernels.loop import PAUSED, run_until
 from billiards_sim.engine.kernels.orientation import turn_all
 from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, Record
@@ -214,7 +215,10 @@ class Simulation:
         """
         if self._moves:
             return False
-        return self._scene.physics.spin_friction == 0.0 or not self.angular_velocities.any()
+        if self._scene.physics.spin_friction == 0.0:
+            return True
+        inner = self._now.inner
+        return bool(machine.call(last_spin_end, self._now.state, inner) == inner)
 
     @property
     def in_play(self) -> NDArray[np.bool_]:
