@@ -22,6 +22,7 @@ from billiards_sim.engine import machine
 from billiards_sim.engine.cue import Blow
 from billiards_sim.engine.elastic import damping, duration_factor, stiffness_of
 from billiards_sim.engine.features import features_of
+from billiards_sim.engine.kernels.law.spin import last_spin_end
 from billiards_sim.engine.kernels.loop import CONTACTS_PER_BALL
 from billiards_sim.engine.kernels.orientation import Turns, turn_all
 from billiards_sim.engine.kernels.state import (
@@ -163,12 +164,7 @@ class Moment(NamedTuple):
         """What `asked` and `rest` are when nothing moves, after the last event, and nothing spins any more."""
         if get_field(self.state.constants, 0, "spin_deceleration") == 0.0:
             return self.asked, self.rest
-        spins = columns(self.state.balls, *SPINS)
-        begun = columns(self.state.balls, "time")
-        slowing = spins[:, 5] != 0.0
-        end = max([self.inner, *(begun[slowing, 0] - spins[slowing, 2] / spins[slowing, 5])])
-        while spins_after(spins, end - begun).any():
-            end = math.nextafter(end, math.inf)  # the quotient is rounded
+        end = machine.call(last_spin_end, self.state, self.inner)
         return (end, 0.0) if end > self.inner else (self.asked, self.rest)
 
     def in_best_form(self) -> Moment:

@@ -19,6 +19,7 @@ from billiards_sim.engine import cue, machine
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.events import KINDS, Event
 from billiards_sim.engine.features import RAILS
+from billiards_sim.engine.kernels.law.spin import last_spin_end
 from billiards_sim.engine.kernels.loop import PAUSED, run_until
 from billiards_sim.engine.kernels.orientation import turn_all
 from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, Record
@@ -214,7 +215,10 @@ class Simulation:
         """
         if self._moves:
             return False
-        return self._scene.physics.spin_friction == 0.0 or not self.angular_velocities.any()
+        if self._scene.physics.spin_friction == 0.0:
+            return True
+        inner = self._now.inner
+        return bool(machine.call(last_spin_end, self._now.state, inner) == inner)
 
     @property
     def in_play(self) -> NDArray[np.bool_]:
@@ -438,13 +442,15 @@ class Simulation:
         mark = self._now.mark
         if mark is not None and passes - mark.passes < EVENT_BUDGET:
             return
-        spins = self.angular_velocities * (1.0, 1.0, 0.0)  # that about the vertical moves nothing
-        energy = self._scene.physics.kinetic_energy(self.velocities, spins)
-        self._now = self._now._replace(mark=Mark(passes, time, math.sqrt(2.0 * energy / self._scene.physics.mass)))
+        spins, physics = self.angular_velocities, self._scene.physics
+        if physics.ball_friction + physics.ball_friction_slow + physics.rail_friction == 0.0:
+            spins[:, 2] = 0.0  # that about the vertical moves nothing
+        energy = physics.kinetic_energy(self.velocities, spins)
+        self._now = self._now._replace(mark=Mark(passes, time, math.sqrt(2.0 * energy / physics.mass)))
         if mark is None:
             return
         gone = time - mark.time
-        if gone < STALL_TIME and gone * mark.speed < self._scene.physics.radius:
+        if gone < STALL_TIME and gone * mark.speed < physics.radius:
             reason = f"no progress: {passes - mark.passes} steps from {mark.time!r} to {time!r} s since the last shot"
             now, events = self._handing_over(self._now.asked, self._now.rest)
             error = StallError(reason, self._origin(), events)

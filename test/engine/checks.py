@@ -121,33 +121,25 @@ def extremes(scene: bs.Scene, prepare: Callable[[bs.Simulation], None] = lambda 
     """Run a scene to rest and look at it at its events, at most `MOST_INSTANTS` of them, and twice between each two."""
     simulation = bs.Simulation(scene)
     prepare(simulation)
-    events = simulation.run()
+    run = bs.record(simulation)
     assert simulation.at_rest
-    times = np.unique([0.0] + [event.time for event in events])
-    times = times[:: 1 + len(times) // MOST_INSTANTS]
+    times = np.unique([run.start, *(event.time for event in run.events), run.end])
+    times = np.append(times[: -1 : 1 + len(times) // MOST_INSTANTS], times[-1])
     between = np.concatenate([times[:-1] + share * np.diff(times) for share in (1.0 / 3.0, 2.0 / 3.0)])
-    simulation = bs.Simulation(scene)
-    prepare(simulation)
+    times = np.sort(np.concatenate((times, between)))
     table, radius = scene.table, scene.physics.radius
     low = np.array([table.x_min, table.y_min]) + radius
     high = np.array([table.x_max, table.y_max]) - radius
+    positions = run.positions(times)
+    outside = max((low - positions).max(), (positions - high).max())
     one, other = np.triu_indices(len(scene), 1)
-    result = Extremes(-np.inf, -np.inf, -np.inf, len(events))
-    energy = simulation.kinetic_energy
-    for time in np.sort(np.concatenate((times, between))):
-        simulation.run(until=time)
-        positions = simulation.positions
-        if len(one):
-            nearest = np.hypot(*(positions[one] - positions[other]).T).min()
-            result.overlap = max(result.overlap, 2.0 * radius - nearest)
-        result.outside = max(result.outside, (low - positions).max(), (positions - high).max())
-        now = simulation.kinetic_energy
-        if energy > 0.0:
-            result.energy_rise = max(result.energy_rise, (now - energy) / energy)
-        else:
-            assert now == 0.0
-        energy = now
-    return result
+    apart = positions[:, one] - positions[:, other]
+    overlap = 2.0 * radius - np.hypot(apart[..., 0], apart[..., 1]).min(initial=np.inf)
+    velocities, spins = run.velocities(times), run.angular_velocities(times)
+    energies = np.array([scene.physics.kinetic_energy(*moving) for moving in zip(velocities, spins)])
+    rises = np.diff(energies) / np.where(energies[:-1] > 0.0, energies[:-1], 1.0)
+    assert not np.diff(energies)[energies[:-1] == 0.0].any()
+    return Extremes(float(overlap), float(outside), float(rises.max(initial=-np.inf)), len(run.events))
 
 
 INSTANTS = 6

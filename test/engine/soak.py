@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import Pool
 
 import numpy as np
-from checks import POOL, POOL_TABLE, Extremes, depth_at_every_instant, extremes, random_scene
+from checks import POOL_TABLE, Extremes, depth_at_every_instant, extremes, random_scene
 from numpy.typing import NDArray
 from provoke import frozen_row, provoking_scene
 
@@ -102,7 +102,7 @@ def run_break(seed: int) -> Extremes:
 
 def with_every_effect(scene: bs.Scene, seed: int) -> bs.Scene:
     """The same in pool: in every other pair of scenes the noses are above the centre of the balls."""
-    return replace(scene, physics=bs.Physics(**POOL), table=POOL_TABLE if seed % 4 < 2 else TABLE)
+    return replace(scene, physics=bs.Physics.pool(), table=POOL_TABLE if seed % 4 < 2 else TABLE)
 
 
 def pool_scene(seed: int) -> bs.Scene:
@@ -113,7 +113,7 @@ def pool_scene(seed: int) -> bs.Scene:
 def pool_break(seed: int) -> tuple[bs.Scene, Callable[[bs.Simulation], None]]:
     """A break with every effect, some with a raised butt, within the miscue limit."""
     scene, shot = break_shot(seed)
-    part = POOL["cue_contact_time"] / bs.Physics().cue_contact_time
+    part = bs.Physics.pool().cue_contact_time / bs.Physics().cue_contact_time
     x, y, _ = shot.force
     side, up = shot.offset
     raised = -0.3 * math.hypot(x, y) if seed % 3 == 0 else 0.0
@@ -175,7 +175,7 @@ def run_pool_provoking(seed: int) -> Effort:
     names = ("sliding_friction", "rolling_friction", "rail_restitution")
     kept = {name: getattr(scene.physics, name) for name in names}
     restitution = (0.95, 1.0, 0.5, 0.0)[seed % 4]
-    physics = bs.Physics(**{**POOL, **kept, "ball_restitution": restitution})
+    physics = bs.Physics.pool(**kept, ball_restitution=restitution)
     return effort(replace(scene, physics=physics, table=POOL_TABLE))
 
 

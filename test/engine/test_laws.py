@@ -782,6 +782,23 @@ def test_ball_leaves_the_nose_whatever_it_is_like(nose_height: float, restitutio
         assert len(same_instant) <= 1  # stays there
 
 
+@pytest.mark.parametrize("spin", [-40.0, 0.0, 15.0, 300.0])
+def test_ball_rubs_at_a_rail_that_gives_nothing_back(spin: float) -> None:
+    # Topspin presses it at once. It is stopped by v, and rubs by min(mu v, 2/7 s) against the slip s.
+    speed, along = 1.0, 0.6
+    top = speed / RADIUS + 50.0
+    physics = bs.Physics(rail_restitution=0.0, rail_friction=0.2)
+    scene = bs.Scene([[AT_X_MAX, 0.6]], [[speed, along]], [[0.0, top, spin]], physics=physics)
+    simulation, events = struck(scene)
+    slip_along, slip_up = along + RADIUS * spin, -RADIUS * top
+    slip = math.hypot(slip_along, slip_up)
+    part = min(2.0 / 7.0, 0.2 * speed / slip)
+    assert [event.kind for event in events] == ["ball_rail"]
+    assert simulation.velocities[0] == pytest.approx([0.0, along - part * slip_along], abs=1e-8)
+    expected = [0.0, top + 2.5 / RADIUS * part * slip_up, spin - 2.5 / RADIUS * part * slip_along]
+    assert simulation.angular_velocities[0] == pytest.approx(expected, abs=1e-5)
+
+
 def test_nose_at_the_height_of_the_centre_without_friction_is_a_wall() -> None:
     scene = bs.Scene([[2.0, 0.6]], [[3.0, 0.4]], [[0.0, 200.0, 100.0]])
     ends = []

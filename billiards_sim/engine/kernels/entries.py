@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .detection import contact_time, rail_contact_time
+from .law.spin import last_spin_end
 from .loop import run_until
 from .orientation import turn_all, turn_along, turn_each
 from .strike import begin_anew, strike
@@ -19,6 +20,7 @@ ENTRIES: dict[str, Callable[..., Any]] = {
         run_followed,
         strike,
         begin_anew,
+        last_spin_end,
         turn_all,
         turn_each,
         turn_along,

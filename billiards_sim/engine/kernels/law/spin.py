@@ -11,7 +11,13 @@ from __future__ import annotations
 import math
 
 from ..kernel import kernel
-from ..state import Ball, Constants
+from ..state import INF, Ball, Constants, State
+
+STEP = 2.3e-16
+"""Relative: to the next number or the one after it."""
+
+LEAST_TIME = 1e-300
+"""s. What comes after 0."""
 
 
 @kernel
@@ -25,3 +31,19 @@ def spin_after(wz: float, alpha_z: float, duration: float) -> float:
     """What is left of a spin about the vertical, rad/s, after so many s."""
     change = alpha_z * duration
     return 0.0 if abs(change) >= abs(wz) else wz + change
+
+
+@kernel
+def last_spin_end(state: State, now: float) -> float:
+    """The first time from `now` on, s, at which no ball spins about the vertical if none is met; INF if one goes on."""
+    end = now
+    for i in range(len(state.balls)):
+        ball = state.balls[i]
+        if ball.wz != 0.0:
+            if ball.alpha_z == 0.0:
+                return INF
+            stop = max(end, ball.time - ball.wz / ball.alpha_z)
+            while spin_after(ball.wz, ball.alpha_z, stop - ball.time) != 0.0:
+                stop = max(stop + STEP * stop, LEAST_TIME)  # the quotient is rounded
+            end = stop
+    return end
