@@ -273,7 +273,7 @@ def test_a_stepped_solver_refuses_physics_that_it_does_not_have(
     path = tmp_path / "scene.yaml"
     path.write_text(SPINNING)
     code = simulate.main([str(path), "--solver", solver, "--until", "1"])
-    assert_refused(capsys, code, 2, "scene.yaml", "physics.ball_restitution must be 1.0, got 0.95")
+    assert_refused(capsys, code, 2, "scene.yaml", "physics.youngs_modulus must be 0.0, got 5800000000.0")
 
 
 def test_a_scene_where_nothing_moves_says_so(capsys: pytest.CaptureFixture[str]) -> None:
