@@ -5,6 +5,8 @@ Independent of the engine it is meant to check: no shared code, only the same ph
 
     make_elastic.py OUT.json              integrate the cases below and write them (half an hour)
     make_elastic.py --verify FILE.json    integrate a file's cases again and print the largest differences
+    make_elastic.py --truth OUT.json      integrate the racks that `benchmark` measures errors against:
+                                          billiards_sim/study/elastic.json
     make_elastic.py --figures             print the figures that the law is known by
 """
 
@@ -15,6 +17,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,19 +40,26 @@ ABOUT = """\
 Balls that push each other by `model`, integrated by brute force. `law` holds for every case but for what the case's own
 `law` says. State at `time` in s, m, m/s and rad/s; rails are (normal x, normal y, offset). `in_contact`: balls that are
 pressed at the end, to be left out of comparisons. `error`: the largest difference of two solutions, of what is free, in
-m, m/s and, for spins times R, m/s. `clusters` are rows of `columns`, all with the law as it is.
+m, m/s and, for spins times R, m/s. `clusters` and `sweep` are rows of whole numbers, their units in `cluster_columns`
+and `sweep_columns`, all with the law as it is. A row of `sweep` is a rack of that gap, at 8 m/s 4 mm beside the middle.
 """
 
 MASS, RADIUS = 0.16, 0.028575  # kg, m
 YOUNGS_MODULUS, POISSON_RATIO = 5.8e9, 0.34  # Pa; phenolic resin
 RACK_AIM = 4e-3  # m, of the racks that differ in the law
 LONGEST_WAY = 3e-5  # m, of the fastest ball in a step: a tenth of how far balls give, and no touch goes unseen
+WAY_TO_TOUCH = 0.25  # of the least gap, where that is further and nothing is pressed
 TOLERANCES = (1e-12, 1e-13)  # m/s a step: the first gives the error of the second
-FRICTION_TOLERANCES = (1e-9, 1e-10)
+COARSE_TOLERANCES = (
+    1e-9,
+    1e-10,
+)  # with friction, whose error is another's, and of what is told in micrometres a second
 SLIP_SCALES = (3e-4, 1e-4)  # m/s: q, of the two solutions with friction
 CUE_GAP = 1e-5  # m, of the cue ball from the rack at the start
 CLUSTERS = 500
+SWEEP, SWEEP_TIME = 100, 0.004  # steps of the gap from 0 to 0.5 mm; s
 DIGITS = 12  # of what is written
+NO_RAILS: Array = np.zeros((0, 3))
 SAME_AS_ERROR = 1e-4  # s: an error in position counts as one in velocity over this time
 
 
@@ -162,7 +172,7 @@ class Bodies:
                 np.add.at(rates[2], one, turn)
                 np.add.at(rates[2], two, turn)
             np.add.at(rates[1], one, push / law.mass)
-            np.add.at(rates[1], two, -push / law.mass)
+            np.subtract.at(rates[1], two, push / law.mass)
         for ball, rail in zip(*np.nonzero(rail_depths > 0), strict=True):
             depth, normal = rail_depths[ball, rail], self.rails[rail, :2]
             opening = velocities[ball, :2] @ normal
@@ -186,7 +196,9 @@ class Bodies:
 
     def end_step(self, state: Array) -> None:
         """Keep mu of contacts that begin, forget that of those that end, drop vertical velocities of what is free."""
-        pair_depths, rail_depths = self.depths(state)
+        if not self.rough:
+            return
+        pair_depths, _ = self.depths(state)
         touching = pair_depths > 0
         self.frozen_friction[~touching] = np.nan
         new = np.flatnonzero(touching & np.isnan(self.frozen_friction))
@@ -197,6 +209,12 @@ class Bodies:
         slip -= self.law.radius * np.cross(state[2, one] + state[2, two], normal)
         self.frozen_friction[new] = self.coefficient(slip)
         state[1, ~self.in_contact(state), 2] = 0.0
+
+    def longest_step(self, state: Array) -> float:
+        """Return how long a step may be, s, so that no touch goes unseen."""
+        gaps = -np.concatenate([depths.ravel() for depths in self.depths(state)])
+        way = LONGEST_WAY if (gaps < 0).any() else max(LONGEST_WAY, WAY_TO_TOUCH * gaps.min())
+        return float(way / (np.hypot(state[1, :, 0], state[1, :, 1]).max() + 1e-300))
 
     def in_contact(self, state: Array) -> npt.NDArray[np.bool_]:
         """Return which balls are pressed, (N,)."""
@@ -247,10 +265,9 @@ def integrate(
     bodies.end_step(state)
     stages = np.zeros((7, *state.shape))
     stages[0] = bodies.rate(state)
-    longest_step = LONGEST_WAY / float(np.hypot(*state[1, :, :2].T).max())
-    now, step, count = 0.0, longest_step / 100, 0
+    now, step, count = 0.0, 1e-8, 0
     while now < time:
-        step = min(step, time - now)
+        step = min(step, bodies.longest_step(state), time - now)
         for stage, weights in enumerate(STAGES, 1):
             trial = state + step * np.tensordot(weights, stages[:stage], 1)
             stages[stage] = bodies.rate(trial)
@@ -261,7 +278,7 @@ def integrate(
             state = trial
             bodies.end_step(state)
             stages[0] = bodies.rate(state)
-        step = min(longest_step, step * min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2)))
+        step *= min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
     return Outcome(
         state[0, :, :2],
         state[1, :, :2],
@@ -328,7 +345,14 @@ def cluster(seed: int) -> tuple[Array, Array]:
 
 
 def solve(
-    law: Law, positions: Array, velocities: Array, time: float, rails: Array, spins: Array | None = None
+    law: Law,
+    positions: Array,
+    velocities: Array,
+    time: float,
+    *,
+    rails: Array = NO_RAILS,
+    spins: Array | None = None,
+    tolerances: tuple[float, float] = TOLERANCES,
 ) -> dict[str, Any]:
     """Integrate a case twice; return its end and `error`: the largest difference of the two among the free balls."""
     rough = any(law.friction[:2])
@@ -336,7 +360,7 @@ def solve(
         integrate(
             law, positions, velocities, time, spins=spins, rails=rails, tolerance=tolerance, slip_scale=slip_scale
         )
-        for tolerance, slip_scale in zip(FRICTION_TOLERANCES if rough else TOLERANCES, SLIP_SCALES, strict=True)
+        for tolerance, slip_scale in zip(COARSE_TOLERANCES if rough else tolerances, SLIP_SCALES, strict=True)
     )
     free = ~(coarse.in_contact | fine.in_contact)
     differences = [coarse.positions - fine.positions, coarse.velocities - fine.velocities]
@@ -377,7 +401,16 @@ def case(
         given["rails"] = rails
     if spins is not None:
         given["angular_velocities"] = spins.tolist()
-    return given | solve(law, positions, velocities, time, np.reshape(np.array(rails, dtype=float), (-1, 3)), spins)
+    rails_array = np.reshape(np.array(rails, dtype=float), (-1, 3))
+    return given | solve(law, positions, velocities, time, rails=rails_array, spins=spins)
+
+
+def rack_cases() -> Iterator[dict[str, Any]]:
+    """Solve racks of several gaps, the cue ball aimed at several places."""
+    for gap in (0.0, 5e-5, 1e-4, 3e-4, 1e-3):
+        for aim in (0.0, 4e-3, -11.3e-3, 25e-3):
+            name = f"rack, gaps {gap * 1e3:g} mm, aim {aim * 1e3:g} mm"
+            yield {"gap": gap} | case(name, rack(gap, aim), Law())
 
 
 def cases() -> Iterator[dict[str, Any]]:
@@ -386,9 +419,7 @@ def cases() -> Iterator[dict[str, Any]]:
     for count in (3, 4, 5):
         for gap in (0.0, 5e-5):
             yield case(f"{count} in line, gaps {gap * 1e3:g} mm", line(count, gap, 3.0), hard)
-    for gap in (0.0, 5e-5, 1e-4, 3e-4, 1e-3):
-        for aim in (0.0, 4e-3, -11.3e-3, 25e-3):
-            yield case(f"rack, gaps {gap * 1e3:g} mm, aim {aim * 1e3:g} mm", rack(gap, aim), hard)
+    yield from rack_cases()
     for restitution in (0.8, 0.95):
         for gap in (0.0, 5e-5):
             law = replace(hard, ball_restitution=restitution)
@@ -429,7 +460,7 @@ def cluster_cases() -> Iterator[dict[str, Any]]:
             "time": time,
             "positions": positions.tolist(),
             "velocities": velocities.tolist(),
-            **solve(Law(), positions, velocities, time, np.zeros((0, 3))),
+            **solve(Law(), positions, velocities, time, tolerances=COARSE_TOLERANCES),
         }
 
 
@@ -442,32 +473,56 @@ CLUSTER_COLUMNS = {  # of a row: the unit that makes whole numbers of it
 }
 
 
-def row_of(one: dict[str, Any]) -> list[Any]:
-    """Return a cluster as whole numbers."""
-    return [np.rint(np.array(one[name]) / unit).astype(int).tolist() for name, unit in CLUSTER_COLUMNS.items()]
+SWEEP_COLUMNS = {"gap": 1e-6, "time": 1e-6, "final_velocities": 1e-6, "in_contact": 1}
 
 
-def cluster_of(row: Sequence[Any]) -> dict[str, Any]:
-    """Return a cluster from its row."""
+def sweep_cases() -> Iterator[dict[str, Any]]:
+    """Solve racks with gaps of 0 to 0.5 mm."""
+    for gap in np.arange(SWEEP + 1) * (5e-4 / SWEEP):
+        positions, velocities = rack(gap, RACK_AIM)
+        found = solve(Law(), positions, velocities, SWEEP_TIME, tolerances=COARSE_TOLERANCES)
+        yield {"gap": gap, "time": SWEEP_TIME} | found
+
+
+def row_of(one: dict[str, Any], columns: dict[str, float]) -> list[Any]:
+    """Return a case as whole numbers of the columns' units."""
+    return [np.rint(np.array(one[name]) / unit).astype(int).tolist() for name, unit in columns.items()]
+
+
+def case_of(row: Sequence[Any], columns: dict[str, float]) -> dict[str, Any]:
+    """Return a case from its row."""
     return {
         name: (np.round(np.array(whole) * unit, 6) if unit < 1 else np.array(whole, dtype=int)).tolist()
-        for (name, unit), whole in zip(CLUSTER_COLUMNS.items(), row, strict=True)
+        for (name, unit), whole in zip(columns.items(), row, strict=True)
     }
 
 
-def document(solved: Sequence[dict[str, Any]], clusters: Sequence[dict[str, Any]]) -> str:
+def document(
+    solved: Sequence[dict[str, Any]], clusters: Sequence[dict[str, Any]], sweep: Sequence[dict[str, Any]]
+) -> str:
     """Return JSON, a case a line."""
-    compact = (",", ":")
+
+    def lines(rows: Sequence[Any]) -> str:
+        return "[\n" + ",\n".join(json.dumps(row, separators=(",", ":")) for row in rows) + "\n]"
+
     parts = {
         "about": json.dumps(ABOUT),
         "model": json.dumps(MODEL),
         "law": json.dumps(asdict(Law())),
-        "columns": json.dumps(CLUSTER_COLUMNS),
-        "cluster_error": json.dumps(max(one["error"] for one in clusters)),
-        "cases": "[\n" + ",\n".join(json.dumps(one, separators=compact) for one in solved) + "\n]",
-        "clusters": "[\n" + ",\n".join(json.dumps(row_of(one), separators=compact) for one in clusters) + "\n]",
+        "row_error": json.dumps(max(one["error"] for one in [*clusters, *sweep])),
+        "cluster_columns": json.dumps(CLUSTER_COLUMNS),
+        "sweep_columns": json.dumps(SWEEP_COLUMNS),
+        "cases": lines(solved),
+        "clusters": lines([row_of(one, CLUSTER_COLUMNS) for one in clusters]),
+        "sweep": lines([row_of(one, SWEEP_COLUMNS) for one in sweep]),
     }
     return "{\n" + ",\n".join(f'"{name}":{text}' for name, text in parts.items()) + "\n}\n"
+
+
+def truth(solved: Sequence[dict[str, Any]]) -> str:
+    """Return JSON of cases alone, a case a line."""
+    lines = ",\n".join(json.dumps(one, separators=(",", ":")) for one in solved)
+    return f'{{\n"about":{json.dumps(ABOUT)},\n"model":{json.dumps(MODEL)},\n"cases":[\n{lines}\n]\n}}\n'
 
 
 def told(found: Iterator[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -481,18 +536,21 @@ def told(found: Iterator[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def verify(path: str) -> None:
     """Integrate a file's cases again, from what the file says, and print the largest differences from its ends."""
-    with open(path, encoding="utf-8") as file:
-        data = json.load(file)
-    for one in data["cases"] + [cluster_of(row) for row in data["clusters"]]:
+    data = json.loads(Path(path).read_text(encoding="utf-8"))
+    clusters = [case_of(row, data["cluster_columns"]) for row in data["clusters"]]
+    sweep = [case_of(row, data["sweep_columns"]) for row in data["sweep"]]
+    for one in sweep:
+        one["positions"], one["velocities"] = rack(one["gap"], RACK_AIM)
+    for one in data["cases"] + clusters + sweep:
         law = Law(**data["law"] | one.get("law", {}))
         positions, velocities = np.array(one["positions"]), np.array(one["velocities"])
         rails = np.reshape(np.array(one.get("rails", []), dtype=float), (-1, 3))
         spins = np.array(one["angular_velocities"]) if "angular_velocities" in one else None
-        again = solve(law, positions, velocities, one["time"], rails, spins)
+        again = solve(law, positions, velocities, one["time"], rails=rails, spins=spins)
         free = np.setdiff1d(np.arange(len(positions)), one["in_contact"])
         difference = np.abs(np.subtract(again["final_velocities"], one["final_velocities"])[free]).max(initial=0.0)
-        error = one.get("error", data["cluster_error"])
-        print(f"{difference:.1e} m/s, error {error:.1e}  {one.get('name', 'cluster')}", flush=True)
+        error = one.get("error", data["row_error"])
+        print(f"{difference:.1e} m/s, error {error:.1e}  {one.get('name', '')}", flush=True)
 
 
 def figures() -> None:
@@ -521,16 +579,18 @@ def main() -> None:
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("out", nargs="?", metavar="OUT.json")
     what.add_argument("--verify", metavar="FILE.json")
+    what.add_argument("--truth", metavar="OUT.json")
     what.add_argument("--figures", action="store_true")
     args = parser.parse_args()
     if args.verify:
         verify(args.verify)
     elif args.figures:
         figures()
+    elif args.truth:
+        Path(args.truth).write_text(truth(told(rack_cases())), encoding="utf-8")
     else:
-        text = document(told(cases()), told(cluster_cases()))
-        with open(args.out, "w", encoding="utf-8") as file:
-            file.write(text)
+        text = document(told(cases()), told(cluster_cases()), told(sweep_cases()))
+        Path(args.out).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
