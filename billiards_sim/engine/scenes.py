@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -78,6 +79,15 @@ def random_balls(
 
 
 def eight_ball(gap: float = RACK_GAP, *, table: Table = PAPER_TABLE, physics: Physics = PAPER_PHYSICS) -> Scene:
+    """A game of eight-ball before the break: a `rack` on the paper's table.
+
+    Raises:
+        ValueError: as `rack`.
+    """
+    return replace(rack(gap, table=table, physics=physics), name="eight_ball")
+
+
+def rack(gap: float = RACK_GAP, *, table: Table = PAPER_TABLE, physics: Physics = PAPER_PHYSICS) -> Scene:
     """An eight-ball rack and the cue ball on the head spot, all at rest.
 
     Args:
@@ -100,7 +110,7 @@ def eight_ball(gap: float = RACK_GAP, *, table: Table = PAPER_TABLE, physics: Ph
         for place, number in enumerate(numbers):
             aside = round((place - 0.5 * row) * pitch / grid)
             positions[number] = (foot_x + row * math.sqrt(0.75) * pitch, axis_y + aside * grid)
-    return Scene(positions, table=table, physics=physics, name="eight_ball")
+    return Scene(positions, table=table, physics=physics, name="rack")
 
 
 def _two_balls(name: str, cue_y: float, table: Table, physics: Physics) -> Scene:
@@ -113,5 +123,6 @@ BUILT_IN: dict[str, Callable[..., Scene]] = {
     "glancing": glancing,
     "random_balls": random_balls,
     "eight_ball": eight_ball,
+    "rack": rack,
 }
 """The built-in scenes by name; each takes `table` and `physics`."""
