@@ -30,7 +30,7 @@ setup(
     maintainer_email="maintainers@billiards-sim.example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "study/truth.json", "ros/fastdds.xml"]},
+    package_data={NAME: ["py.typed", "study/truth.json", "study/elastic.json", "ros/fastdds.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -19,7 +19,7 @@ from typing import Any
 from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, run_to_end, say
 from billiards_sim.engine import machine as engine_machine
 from billiards_sim.files import written
-from billiards_sim.study import chaos, node_cost, peers, precision, report, speed
+from billiards_sim.study import chaos, elastic, node_cost, peers, precision, report, speed
 from billiards_sim.study.measure import ChildError, Task, machine
 
 SEEDS = 200
@@ -27,8 +27,8 @@ QUICK_SEEDS = 50
 CHAOS_SEEDS = 100
 QUICK_CHAOS_SEEDS = 5
 
-PARTS = ("speed", "precision", "chaos", "peers", "node")
-QUICK_PARTS = ("speed", "precision", "chaos")
+PARTS = ("speed", "precision", "elastic", "chaos", "peers", "node")
+QUICK_PARTS = ("speed", "precision", "elastic", "chaos")
 
 
 def main(arguments: list[str]) -> int:
@@ -102,6 +102,8 @@ def _tasks(part: str, quick: bool, seeds: int) -> Iterator[Task]:
         return speed.tasks(seeds, quick)
     if part == "precision":
         return precision.tasks(quick)
+    if part == "elastic":
+        return elastic.tasks(quick)
     if part == "chaos":
         return chaos.tasks(QUICK_CHAOS_SEEDS if quick else CHAOS_SEEDS)
     if part == "peers":
@@ -156,7 +158,7 @@ def _parser() -> Parser:
         nargs="+",
         choices=PARTS,
         metavar="PART",
-        help=f"only some of: {', '.join(PARTS)} (quick: the first 3)",
+        help=f"only some of: {', '.join(PARTS)} (quick: the first 4)",
     )
     parser.add_argument("--from", dest="source", type=Path, metavar="JSON", help="do not measure, take these figures")
     parser.add_argument(
