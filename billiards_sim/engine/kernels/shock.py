@@ -39,9 +39,6 @@ from .state import INF, NOBODY, OFF_TABLE, QUEUED, SLIDING, Ball, Constants, Sta
 SLOW = 0.01
 """m/s. Bodies that approach more slowly have no shock to pass on: they stay rigid (4e-6 m/s in a break)."""
 
-STEPS = 36
-"""Steps in the duration of a contact: energy is then kept to 2e-6, velocities to 3e-5 m/s in a rack at 8 m/s."""
-
 AT_TOUCH = 0.01
 """Of its own step: a contact that is no older begins with the step."""
 
@@ -401,7 +398,7 @@ def _integrate_in_parts(state: State, constants: Constants, now: float) -> None:
     first, second = state.balls[touch.first], state.balls[touch.second]
     duration = now - first.time
     whole = contact_duration(touch.approach, 2.0, constants.duration_factor, constants)
-    parts = 1 + int(STEPS * duration / whole)
+    parts = 1 + int(constants.contact_steps * duration / whole)
     for _ in range(parts - 1):
         _integrate(state, constants, 1, 2, duration / parts)
         anchor(first, first.time + duration / parts)
@@ -634,7 +631,11 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
         depth = max(touch.reach - _gap(state, touch), 0.0)
         opening = _opening(state, touch)
         speed = free_speed(depth, opening, _share(touch), constants)
-        own = contact_duration(speed, _share(touch), ELASTIC_FACTOR, constants) / STEPS if speed > 0.0 else INF
+        own = (
+            contact_duration(speed, _share(touch), ELASTIC_FACTOR, constants) / constants.contact_steps
+            if speed > 0.0
+            else INF
+        )
         touch.kink = opening < 0.0 and depth <= AT_TOUCH * own * -opening
         step = min(step, own)
         if opening > 0.0 and depth > 0.0:

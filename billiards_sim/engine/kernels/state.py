@@ -241,6 +241,7 @@ class Constants:
     ball_damping: float = 0.0  # alpha sqrt(m' K) per mass, of two balls
     rail_damping: float = 0.0  # and of a ball and a rail
     duration_factor: float = 0.0  # f of two balls
+    contact_steps: float = 0.0  # steps of an integration in the duration of a contact
     spin_deceleration: float = 0.0  # rad/s^2, of the spin about the vertical
     centre_x: float = 0.0  # m, of the playing area in the frame `table`
     centre_y: float = 0.0
