@@ -175,7 +175,7 @@ def run_pool_provoking(seed: int) -> Effort:
     names = ("sliding_friction", "rolling_friction", "rail_restitution")
     kept = {name: getattr(scene.physics, name) for name in names}
     restitution = (0.95, 1.0, 0.5, 0.0)[seed % 4]
-    physics = bs.Physics.pool(**kept, ball_restitution=restitution)
+    physics = bs.Physics.pool(**kept, ball_restitution=restitution, youngs_modulus=0.0)
     return effort(replace(scene, physics=physics, table=POOL_TABLE))
 
 

@@ -531,12 +531,14 @@ def test_ball_straight_into_a_corner_comes_straight_back() -> None:
 def test_ball_along_a_rail_meets_the_next_as_if_alone() -> None:
     velocity, spin = [[1.5, 0.0]], [[3.0, 10.0, 40.0]]
     physics = on_ice(rail_restitution=0.85, rail_friction=0.2)
-    along, alone = (
-        struck(bs.Scene([[AT_X_MAX, y]], velocity, spin, table=POOL_TABLE, physics=physics))[0]
+    (along, (met,)), (alone, (expected,)) = (
+        struck(bs.Scene([[AT_X_MAX, y]], velocity, spin, table=POOL_TABLE, physics=physics))
         for y in (AT_Y_MAX, AT_Y_MAX - 0.1)
     )
     assert along.velocities == pytest.approx(alone.velocities, rel=1e-13)
     assert along.angular_velocities == pytest.approx(alone.angular_velocities, rel=1e-13)
+    assert (met.rail, met.approach_speed) == (expected.rail, expected.approach_speed) == ("x_max", 1.5)
+    assert met.impulse == pytest.approx(expected.impulse, rel=1e-13)
 
 
 # Spin that falls
@@ -552,6 +554,7 @@ def spinning(*spins: float, **physics: float) -> bs.Scene:
 
 def test_table_is_at_rest_when_the_last_spin_has_ended() -> None:
     simulation = bs.Simulation(spinning(30.0, -50.0, 10.0))
+    assert not simulation.at_rest
     simulation.advance(4.999999)
     assert not simulation.at_rest
     assert simulation.angular_velocities[:, 2] == pytest.approx([0.0, -1e-5, 0.0], abs=1e-12)
@@ -784,9 +787,9 @@ def test_ball_leaves_the_nose_whatever_it_is_like(nose_height: float, restitutio
 
 @pytest.mark.parametrize("spin", [-40.0, 0.0, 15.0, 300.0])
 def test_ball_rubs_at_a_rail_that_gives_nothing_back(spin: float) -> None:
-    # Topspin presses it at once. It is stopped by v, and rubs by min(mu v, 2/7 s) against the slip s.
+    # Much topspin presses it at once. It is stopped by v, and rubs by min(mu v, 2/7 s) against the slip s.
     speed, along = 1.0, 0.6
-    top = speed / RADIUS + 50.0
+    top = 15.0 * speed / RADIUS
     physics = bs.Physics(rail_restitution=0.0, rail_friction=0.2)
     scene = bs.Scene([[AT_X_MAX, 0.6]], [[speed, along]], [[0.0, top, spin]], physics=physics)
     simulation, events = struck(scene)
