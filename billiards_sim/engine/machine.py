@@ -39,7 +39,6 @@ NOT_KEPT = f"{COMPILING}; it cannot be kept, no cache directory can be written: 
 C_TYPES: dict[Any, Any] = {float: ctypes.c_double, int: ctypes.c_int64}
 
 _functions: dict[str, Callable[..., Any]] = {}
-_engines: list[Any] = []  # what the functions live in
 
 _busy = threading.Lock()
 """Held for the milliseconds that neither a fork nor the end of the process may cut short."""
@@ -178,8 +177,8 @@ def _load(code: bytes) -> None:
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    _engines.append(engine)
     _functions.update({name: _callable(engine.get_function_address(name), entry) for name, entry in ENTRIES.items()})
+    engine.detach()  # it lives as long as the process, at whose end nothing is in order for LLVM to be cleared away
 
 
 def _callable(address: int, entry: Callable[..., Any]) -> Callable[..., Any]:
