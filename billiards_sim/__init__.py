@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from billiards_sim.engine.events import Event
     from billiards_sim.engine.machine import compile
     from billiards_sim.engine.physics import Physics
+    from billiards_sim.engine.pocket import Pocket
     from billiards_sim.engine.record import Run, record
     from billiards_sim.engine.scene import Scene, Shot
     from billiards_sim.engine.scene_file import load_scene, save_scene
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Event",
     "Physics",
+    "Pocket",
     "Run",
     "Scene",
     "Shot",
@@ -42,6 +44,7 @@ __all__ = [
 _HOMES = {
     "Event": "events",
     "Physics": "physics",
+    "Pocket": "pocket",
     "Run": "record",
     "Scene": "scene",
     "Shot": "scene",

@@ -94,10 +94,10 @@ def spins_after(spins: NDArray[np.float64], ages: NDArray[np.float64]) -> NDArra
 
 
 class LastShot(NamedTuple):
-    """A shot, and the moment at which it was made."""
+    """A shot, and the moment at which it was made; or that at which balls were laid down, without a shot."""
 
     before: Moment
-    blow: Blow
+    blow: Blow | None
     ball: str
 
 

@@ -47,18 +47,31 @@ class Quantity:
         return math.isfinite(value) and value > self.above and self.minimum <= value <= self.maximum
 
 
-def quantity(default: float, unit: str, help: str, **bounds: float) -> Any:
-    """A dataclass field that holds a `Quantity` with this default."""
-    return dataclasses.field(default=default, metadata={"quantity": Quantity(unit, help, **bounds)})
+def quantity(default: float | None, unit: str, help: str, **bounds: float) -> Any:
+    """A dataclass field that holds a `Quantity` with this default; None: it must be given."""
+    metadata = {"quantity": Quantity(unit, help, **bounds)}
+    return dataclasses.field(default=dataclasses.MISSING if default is None else default, metadata=metadata)
 
 
 def quantities(owner: Any) -> dict[str, Quantity]:
     """The quantities of a dataclass (class or instance) by field name, in their order of declaration."""
-    return {field.name: field.metadata["quantity"] for field in dataclasses.fields(owner)}
+    declared = {field.name: field.metadata.get("quantity") for field in dataclasses.fields(owner)}
+    return {name: quantity for name, quantity in declared.items() if quantity is not None}
+
+
+def part(kind: type) -> Any:
+    """A dataclass field that holds a dataclass of quantities, by default none."""
+    return dataclasses.field(default=None, metadata={"part": kind})
+
+
+def parts(owner: Any) -> dict[str, Any]:
+    """The kinds of the parts of a dataclass by field name."""
+    declared = {field.name: field.metadata.get("part") for field in dataclasses.fields(owner)}
+    return {name: kind for name, kind in declared.items() if kind is not None}
 
 
 def check_quantities(owner: Any) -> None:
-    """Turn every field of a frozen dataclass into a float and check its bounds.
+    """Turn every quantity of a frozen dataclass into a float and check its bounds, and the kinds of its parts.
 
     Raises:
         ValueError: a field is not a number, or lies outside its bounds.
@@ -72,13 +85,18 @@ def check_quantities(owner: Any) -> None:
                 f"{group}.{name} must be a number {declared.bounds()} ({declared.unit}), got {shown(given)}"
             )
         object.__setattr__(owner, name, value)
+    for name, kind in parts(owner).items():
+        value = getattr(owner, name)
+        if not isinstance(value, (kind, type(None))):
+            raise ValueError(f"{group}.{name} must be a {kind.__name__} or None, got {shown(value)}")
 
 
 def from_mapping(owner: type, values: Any, presets: Mapping[str, Callable[..., Any]]) -> Any:
     """Build `Physics` or `Table` from a mapping; omitted keys keep their defaults, or the values of a preset.
 
     Args:
-        values: the mapping; `preset` is the name of one. A name alone stands for the preset as it is.
+        values: the mapping; `preset` is the name of one. A name alone stands for the preset as it is. Parts are
+            mappings, or null; their omitted keys keep the values of the preset, too.
         presets: what makes each of them, by name.
 
     Raises:
@@ -87,15 +105,39 @@ def from_mapping(owner: type, values: Any, presets: Mapping[str, Callable[..., A
     group = owner.__name__.lower()
     if isinstance(values, str) and presets:
         values = {"preset": values}
+    names = f" or one of the presets {', '.join(presets)}" if presets else ""
+    _check_mapping(group, values, [*(["preset"] if presets else []), *quantities(owner), *parts(owner)], names)
+    given = dict(values)
+    make = preset(f"{group}.preset", given.pop("preset"), presets) if "preset" in given else owner
+    for name in parts(owner).keys() & given.keys():
+        given[name] = _part(owner, name, given[name], getattr(make(), name))
+    return make(**given)
+
+
+def _part(owner: type, name: str, values: Any, default: Any) -> Any:
+    # Of `owner`, from a mapping.
+    if values is None:
+        return None
+    kind, where = parts(owner)[name], f"{owner.__name__.lower()}.{name}"
+    known = quantities(kind)
+    _check_mapping(where, values, list(known), "")
+    if default is not None:
+        values = {**dataclasses.asdict(default), **values}
+    missing = [key for key in known if key not in values]
+    if missing:
+        raise ValueError(f"{where} lacks {', '.join(missing)}")
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def _check_mapping(where: str, values: Any, known: list[str], names: str) -> None:
     if not isinstance(values, dict):
-        names = f" or one of the presets {', '.join(presets)}" if presets else ""
-        raise ValueError(f"{group} must be a mapping of names to numbers{names}, got {shown(values)}")
-    known = [*(["preset"] if presets else []), *quantities(owner)]
+        raise ValueError(f"{where} must be a mapping of names to numbers{names}, got {shown(values)}")
     for key in values:
         if key not in known:
-            raise ValueError(f"{group} has no field {shown(key)}; known: {', '.join(known)}")
-    given = dict(values)
-    return preset(f"{group}.preset", given.pop("preset"), presets)(**given) if "preset" in given else owner(**given)
+            raise ValueError(f"{where} has no field {shown(key)}; known: {', '.join(known)}")
 
 
 def preset(name: str, given: Any, presets: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:

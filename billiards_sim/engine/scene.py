@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_sim.engine.features import check_fits, trouble_at
 from billiards_sim.engine.physics import SPEED_LIMIT, Physics
 from billiards_sim.engine.quantity import float_array, is_text, listed, numbers, shown
 from billiards_sim.engine.table import Table
@@ -63,8 +64,9 @@ class Scene:
 
     Raises:
         ValueError: wrong shape, not finite, faster than `SPEED_LIMIT`, names that are no text or not different, balls
-            that overlap or reach into a rail by more than `OVERLAP_TOLERANCE`, a shot at a ball that is not there or
-            not in play. The text names the ball and the figure.
+            that overlap, reach into a rail or into a part of a pocket by more than `OVERLAP_TOLERANCE`, or lie in a
+            pocket, pockets that balls of this radius do not fall into, a shot at a ball that is not there or not in
+            play. The text names the ball and the figure.
     """
 
     positions: NDArray[np.float64]
@@ -226,10 +228,12 @@ def _rim_speed(spin: NDArray[np.float64], physics: Physics) -> float:
 
 def _check_inside_rails(scene: Scene) -> None:
     table, radius = scene.table, scene.physics.radius
+    check_fits(table, radius)
+    if table.mouths:
+        _check_outside_pockets(scene)
+        return
     for axis, low, high in ((0, table.x_min, table.x_max), (1, table.y_min, table.y_max)):
         low, high = low + radius, high - radius
-        if low > high:
-            raise ValueError(f"balls of radius {radius:g} m do not fit on a table {high - low + 2 * radius:g} m wide")
         outside = np.maximum(low - scene.positions[:, axis], scene.positions[:, axis] - high)
         worst = int(np.argmax(np.where(scene.in_play, outside, -np.inf)))
         if outside[worst] > OVERLAP_TOLERANCE:
@@ -237,6 +241,17 @@ def _check_inside_rails(scene: Scene) -> None:
                 f"ball {scene.names[worst]!r} reaches {outside[worst]:.6g} m into a rail: its {'xy'[axis]} is "
                 f"{scene.positions[worst, axis]:.9g}, allowed {low:.9g} to {high:.9g}"
             )
+
+
+def _check_outside_pockets(scene: Scene) -> None:
+    centred = scene.positions - scene.table.centre
+    room = 0.5 * np.array([scene.table.length, scene.table.width]) - scene.physics.radius
+    for index in np.flatnonzero((np.abs(centred) > room).any(axis=1)):  # nan, off the table, is nowhere
+        x, y = centred[index].tolist()
+        trouble = trouble_at(scene.table, scene.physics.radius, x, y, OVERLAP_TOLERANCE)
+        if trouble:
+            at_x, at_y = scene.positions[index].tolist()
+            raise ValueError(f"ball {scene.names[index]!r} at ({at_x:.9g}, {at_y:.9g}) {trouble}")
 
 
 def _check_no_overlap(scene: Scene) -> None:

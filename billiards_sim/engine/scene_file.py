@@ -13,9 +13,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from billiards_sim.engine.physics import PRESETS, Physics
+from billiards_sim.engine.physics import PRESETS as PHYSICS_PRESETS
+from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.quantity import from_mapping, numbers, shown
 from billiards_sim.engine.scene import Scene, Shot
+from billiards_sim.engine.table import PRESETS as TABLE_PRESETS
 from billiards_sim.engine.table import Table
 from billiards_sim.files import written
 
@@ -225,8 +227,8 @@ def _scene(document: Any) -> Scene:
         angular_velocities=_column(balls, "angular_velocity", 3),
         names=[ball["name"] for ball in balls],
         in_play=[ball.get("in_play", True) for ball in balls],
-        table=from_mapping(Table, _group(document, "table"), {}),
-        physics=from_mapping(Physics, _group(document, "physics"), PRESETS),
+        table=from_mapping(Table, _group(document, "table"), TABLE_PRESETS),
+        physics=from_mapping(Physics, _group(document, "physics"), PHYSICS_PRESETS),
         name=name or "",
         shot=None if shot is None else Shot(**shot),
         track_orientation=document.get("track_orientation", False),

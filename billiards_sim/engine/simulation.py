@@ -6,23 +6,24 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import starmap
 from time import perf_counter
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from billiards_sim.engine import cue, machine
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.events import KINDS, Event
-from billiards_sim.engine.features import RAILS
+from billiards_sim.engine.features import names_of
 from billiards_sim.engine.kernels.law.spin import last_spin_end
 from billiards_sim.engine.kernels.loop import PAUSED, run_until
 from billiards_sim.engine.kernels.orientation import turn_all
-from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, Record
+from billiards_sim.engine.kernels.pocket import lay_down
+from billiards_sim.engine.kernels.state import AT_REST, BALL_BALL, BALL_RAIL, INF, OFF_TABLE, POCKETED, Record
 from billiards_sim.engine.kernels.strike import strike
 from billiards_sim.engine.kernels.trajectory import run_followed
 from billiards_sim.engine.moment import (
@@ -37,7 +38,7 @@ from billiards_sim.engine.moment import (
     start,
     stored,
 )
-from billiards_sim.engine.quantity import listed, seconds, shown
+from billiards_sim.engine.quantity import listed, numbers, seconds, shown
 from billiards_sim.engine.recorder import Recorder, blank_tape
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.scene_file import save_scene
@@ -118,12 +119,14 @@ class EventLog(Sequence[Event]):
     def _event(self, time: float, kind: int, first: int, second: int, x: float, y: float, *impact: float) -> Event:
         normal_x, normal_y, approach, impulse = impact
         names = self._scene.names
-        centre_x, centre_y = self._scene.table.centre
+        table = self._scene.table
+        centre_x, centre_y = table.centre
         return Event(
             time=time,
             kind=KINDS[kind],
             balls=(names[first], names[second]) if kind == BALL_BALL else (names[first],),
-            rail=RAILS[second] if kind == BALL_RAIL else None,
+            rail=names_of(table)[second] if kind == BALL_RAIL else None,
+            pocket=names_of(table)[second] if kind == POCKETED else None,
             point=(x + centre_x, y + centre_y),
             normal=(normal_x, normal_y),
             approach_speed=approach,
@@ -175,7 +178,7 @@ class Simulation:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(N, 2) m, frame `table`, a copy; nan for a ball that is not in play."""
+        """(N, 2) m, frame `table`, a copy; of a pocketed ball the middle of its pocket's circle, nan off the table."""
         motion = columns(self._now.state.balls, "time", "x", "y", "vx", "vy", "ax", "ay")
         dt = self._now.inner - motion[:, 0:1]
         return motion[:, 1:3] + (motion[:, 3:5] + 0.5 * motion[:, 5:7] * dt) * dt + self._centre
@@ -285,9 +288,7 @@ class Simulation:
             ValueError: no such ball, the ball moves or is not in play, a force that is zero, not finite or points up,
                 an offset off the ball or beyond the miscue limit. Nothing changes then.
         """
-        if ball not in self._scene.names:
-            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
-        index = self._scene.names.index(ball)
+        index = self._index(ball)
         blow = cue.checked(force, offset, self._scene.physics)
         self._check_rests(index)
         before = self._now.with_log_taken()
@@ -323,6 +324,30 @@ class Simulation:
         """
         shot = Aim(speed, azimuth, side, up, elevation).shot(self._scene.physics, ball)
         self.strike(shot.force, shot.offset, shot.ball)
+
+    def place(self, positions: Mapping[str, ArrayLike]) -> None:
+        """Put balls at rest on the table, by name at (x, y) m: those in a pocket, and those that are in play. The clock
+        does not move.
+
+        Raises:
+            ValueError: no such ball, no place, or one where `Scene` would not have it. Nothing changes then.
+        """
+        if not isinstance(positions, Mapping):
+            raise ValueError(f"positions must be a map of names to (x, y), got {shown(positions)}")
+        scene = self.scene()
+        places, velocities, spins = scene.positions.copy(), scene.velocities.copy(), scene.angular_velocities.copy()
+        in_play = scene.in_play.copy()
+        for name, position in positions.items():
+            index = self._index(name)
+            places[index] = numbers(f"position of ball {name!r}", position, 2)
+            velocities[index], spins[index], in_play[index] = 0.0, 0.0, True
+        replace(scene, positions=places, velocities=velocities, angular_velocities=spins, in_play=in_play)  # checks it
+        before = self._now.with_log_taken()
+        now = begun_anew(before) if self.at_rest else copied(before)
+        for name in positions:
+            index = self._index(name)
+            machine.call(lay_down, now.state, index, now.inner, *places[index].tolist())
+        self._now = now.after_shot(LastShot(copied(now).without_past(), None, ""))
 
     def advance(self, duration: float, budget: float | None = None) -> EventLog:
         """Go on by exactly `duration` s, however many events fall inside; returns these events.
@@ -381,6 +406,8 @@ class Simulation:
         if self._now.last_shot is None:
             return self._scene
         before, blow, ball = self._now.last_shot
+        if blow is None:
+            return replace(self._at(before).scene(), name=f"{self._scene.name} with balls laid down".strip())
         shot = Shot((blow.fx, blow.fy, blow.fz), (blow.side, blow.up), ball)
         return replace(self._at(before).scene(), name=f"{self._scene.name} before a shot".strip(), shot=shot)
 
@@ -392,6 +419,11 @@ class Simulation:
     def _ages(self) -> NDArray[np.float64]:
         # (N, 1) s since the anchors.
         return self._now.inner - columns(self._now.state.balls, "time")
+
+    def _index(self, ball: str) -> int:
+        if ball not in self._scene.names:
+            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
+        return self._scene.names.index(ball)
 
     def _check_rests(self, index: int) -> None:
         name, phase = self._scene.names[index], get_field(self._now.state.balls, index, "phase")

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checks import COMPILED, POOL, POOL_TABLE, random_scene
+from pocket_checks import mouth_scene
 from test_copies import midway, rest
 
 import billiards_sim as bs
@@ -31,6 +32,7 @@ def digest() -> str:
     scenes += [random_scene(seed) for seed in range(20)]
     scenes.append(bs.Scene([[2.35, 0.6]], [[0.1, 0.5]], [[0.0, 150.0, 0.0]]))
     scenes += [replace(scene, physics=bs.Physics(**POOL), table=POOL_TABLE) for scene in scenes]
+    scenes += [mouth_scene(seed) for seed in range(12)]
     summary = hashlib.sha256()
     for scene in scenes:
         simulation = bs.Simulation(scene)

@@ -78,7 +78,7 @@ BAD = [
     ({"scene": "nine_ball"}, "neither a file nor one of head_on"),
     ({"scene": "/nowhere/scene.yaml"}, "neither a file nor one of head_on"),
     ({"table.length": 0.5}, "scene 'eight_ball' does not fit these physics and table parameters: ball"),
-    ({"physics.radius": 0.6}, "reaches"),
+    ({"physics.radius": 0.6}, "balls of radius 0.6 m do not fit on a table 1.17 m wide"),
 ]
 
 

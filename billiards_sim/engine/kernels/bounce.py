@@ -42,8 +42,11 @@ MICRO_SLIP = 10.0
 
 
 @kernel
-def presses_feature(ball: Ball, nx: float, ny: float, approach: float, constants: Constants) -> bool:
-    """Whether a ball that arrives at a feature (normal into the table) has bounced low enough to stay on it."""
+def presses_feature(ball: Ball, nx: float, ny: float, curvature: float, approach: float, constants: Constants) -> bool:
+    """Whether a ball that arrives at a feature (normal into the table) has bounced low enough to stay on it.
+
+    On a path of a curvature, 1/m, what holds it there has to turn it, too.
+    """
     lenient = leniency(ball.bounces)
     speed = constants.rail_restitution * approach
     if tilts_or_rubs(constants):
@@ -51,7 +54,11 @@ def presses_feature(ball: Ball, nx: float, ny: float, approach: float, constants
     if not is_low(speed, lenient, constants):
         return False
     ax, ay = _mean_acceleration(ball, approach, constants)
-    return _stays(-(ax * nx + ay * ny), speed, lenient)
+    closing = -(ax * nx + ay * ny)
+    if curvature > 0.0:
+        across = ball.vy * nx - ball.vx * ny
+        closing -= curvature * across * across
+    return _stays(closing, speed, lenient)
 
 
 @kernel

@@ -53,9 +53,16 @@ def enter_cells(state: State, constants: Constants) -> None:
     for i in range(len(state.balls) - 1, -1, -1):
         ball = state.balls[i]
         if ball.phase != OFF_TABLE:
-            ball.cell_x = _cell_of(ball.x, constants.cell_width, constants.cells_x)
-            ball.cell_y = _cell_of(ball.y, constants.cell_height, constants.cells_y)
-            _enter_cell(state, constants, i)
+            enter_cell(state, constants, i)
+
+
+@kernel
+def enter_cell(state: State, constants: Constants, i: int) -> None:
+    """Put ball i, whose anchor is now, into the cell where it is."""
+    ball = state.balls[i]
+    ball.cell_x = _cell_of(ball.x, constants.cell_width, constants.cells_x)
+    ball.cell_y = _cell_of(ball.y, constants.cell_height, constants.cells_y)
+    _link(state, constants, i)
 
 
 @kernel
@@ -64,7 +71,7 @@ def _cell_of(place: float, width: float, count: int) -> int:
 
 
 @kernel
-def _enter_cell(state: State, constants: Constants, i: int) -> None:
+def _link(state: State, constants: Constants, i: int) -> None:
     ball = state.balls[i]
     cell = state.cells[ball.cell_y * constants.cells_x + ball.cell_x]
     ball.next_in_cell = cell.ball
@@ -72,8 +79,8 @@ def _enter_cell(state: State, constants: Constants, i: int) -> None:
 
 
 @kernel
-def change_cell(state: State, constants: Constants, i: int) -> None:
-    """Move ball i over the border that it has come to."""
+def leave_cell(state: State, constants: Constants, i: int) -> None:
+    """Take ball i out of its cell."""
     ball = state.balls[i]
     cell = state.cells[ball.cell_y * constants.cells_x + ball.cell_x]
     if cell.ball == i:
@@ -83,6 +90,13 @@ def change_cell(state: State, constants: Constants, i: int) -> None:
         while state.balls[j].next_in_cell != i:
             j = state.balls[j].next_in_cell
         state.balls[j].next_in_cell = ball.next_in_cell
+
+
+@kernel
+def change_cell(state: State, constants: Constants, i: int) -> None:
+    """Move ball i over the border that it has come to."""
+    leave_cell(state, constants, i)
+    ball = state.balls[i]
     if ball.border == X_MIN:
         ball.cell_x -= 1
     elif ball.border == X_MAX:
@@ -91,7 +105,7 @@ def change_cell(state: State, constants: Constants, i: int) -> None:
         ball.cell_y -= 1
     else:
         ball.cell_y += 1
-    _enter_cell(state, constants, i)
+    _link(state, constants, i)
 
 
 @kernel

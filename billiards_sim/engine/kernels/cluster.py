@@ -50,7 +50,8 @@ def advance_all(state: State, constants: Constants, count: int, now: float) -> N
         if row.second >= 0:
             row.normal_x, row.normal_y = normal_between(state.balls[row.first], state.balls[row.second])
         else:
-            row.normal_x, row.normal_y = normal_of(state, -1 - row.second)
+            first = state.balls[row.first]
+            row.normal_x, row.normal_y = normal_of(state, -1 - row.second, first.x, first.y)
 
 
 @kernel

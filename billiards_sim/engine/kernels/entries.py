@@ -10,6 +10,7 @@ from .detection import contact_time, rail_contact_time
 from .law.spin import last_spin_end
 from .loop import run_until
 from .orientation import turn_all, turn_along, turn_each
+from .pocket import lay_down
 from .strike import begin_anew, strike
 from .trajectory import run_followed
 
@@ -21,6 +22,7 @@ ENTRIES: dict[str, Callable[..., Any]] = {
         strike,
         begin_anew,
         last_spin_end,
+        lay_down,
         turn_all,
         turn_each,
         turn_along,

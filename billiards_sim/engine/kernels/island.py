@@ -7,10 +7,10 @@ import math
 
 from .cells import first_neighbour, next_neighbour
 from .detection import TOUCH
-from .feature import is_held_at, is_touched
+from .feature import is_held_at, is_touched, pocket_at
 from .kernel import kernel
 from .motion import place_at
-from .state import LISTED, NOBODY, QUEUED, Constants, State
+from .state import LISTED, NOBODY, PARTS, QUEUED, RAILS, Constants, State
 
 
 @kernel
@@ -78,6 +78,15 @@ def release_ball(state: State, i: int) -> None:
 
 
 @kernel
+def release_feature(state: State, i: int, k: int) -> None:
+    """End the sustained contact of ball i with feature k."""
+    for c in range(state.clock[0].contacts):
+        if state.contacts[c].first == i and state.contacts[c].second == -1 - k:
+            release(state, c)
+            return
+
+
+@kernel
 def gather_island(state: State, i: int) -> tuple[int, int]:
     """Bring the contacts of the island of ball i, what it is in sustained contact with directly or through others, to
     the front of the list.
@@ -118,10 +127,12 @@ def gather_cluster(state: State, constants: Constants, start: int, now: float) -
         done += 1
         balls[i].member = LISTED
         x, y = place_at(balls[i], now)
-        for k in range(len(state.features)):
+        for k in range(RAILS):
             if is_touched(state, k, x, y, TOUCH):
                 _list(state, impacts, i, -1 - k)
                 impacts += 1
+        if len(state.features) > RAILS:
+            impacts = _list_parts(state, impacts, i, x, y)
         j = first_neighbour(state, constants, i)
         while j != NOBODY:
             if balls[j].member != LISTED and _in_touch(state, constants, i, j, x, y, now):
@@ -131,6 +142,18 @@ def gather_cluster(state: State, constants: Constants, start: int, now: float) -
                 impacts += 1
             j = next_neighbour(state, constants, i, j)
     _dismiss(state, count)
+    return impacts
+
+
+@kernel
+def _list_parts(state: State, impacts: int, i: int, x: float, y: float) -> int:
+    # Of the pocket in whose opening ball i is, at (x, y); returns the number of all contacts.
+    part = pocket_at(state, x, y, TOUCH)
+    if part != NOBODY:
+        for k in range(part, part + PARTS - 1):  # the last one is the mouth
+            if is_held_at(state.balls[i], k) or is_touched(state, k, x, y, TOUCH):
+                _list(state, impacts, i, -1 - k)
+                impacts += 1
     return impacts
 
 

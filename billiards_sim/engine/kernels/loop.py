@@ -21,17 +21,18 @@ from __future__ import annotations
 from .bounce import count_impact, presses_feature, presses_pair, subsides
 from .cells import change_cell, predict_border
 from .cluster import advance_all, closing_speed, reflect
-from .feature import normal_of, place_on, predict_feature
+from .feature import curvature_of, is_held_at, normal_of, place_on, predict_feature
 from .impact import approach_speed, collide_feature, collide_pair, is_ideal, normal_between
-from .island import gather_cluster, hold, is_held, release_ball
+from .island import gather_cluster, hold, is_held, release_ball, release_feature
 from .kernel import kernel
 from .law.spin import slow_spin
 from .log import log_event, log_impact
 from .motion import begin_motion, end_phase, mark, phase_of
+from .pocket import first_due, pocket
 from .press import update_contacts
 from .schedule import await_step, enter_all, predict_pairs
 from .shock import advance_to, begin_touch, presses_for_a_while, take_step, takes_time
-from .state import AT_REST, INF, NOBODY, RESTED, ROLLED, ROLLING, SLIDING, Constants, State
+from .state import AT_REST, INF, MOUTH, NOBODY, RAILS, RESTED, ROLLED, ROLLING, SLIDING, Constants, State
 
 DONE = 0
 """No event is left before the time asked for."""
@@ -39,8 +40,9 @@ DONE = 0
 PAUSED = 1
 """The work allowed is done, or the log is full; there may be more to do."""
 
-CONTACTS_PER_BALL = 5
-"""At most: equal discs have at most three contacts with others each, counted once, and two rails."""
+CONTACTS_PER_BALL = 7
+"""At most: equal discs have at most three contacts with others each, counted once, and a jaw or nose and a point on
+both sides of a mouth."""
 
 
 @kernel
@@ -71,6 +73,9 @@ def run_until(state: State, until: float, taken: int, work: int) -> int:
         clock.now = now
         clock.passes += 1
         clock.work += 1
+        if len(state.features) > RAILS:
+            i = first_due(state, i, now)
+            ball = state.balls[i]
         if ball.hit_time == now and ball.hit == NOBODY:
             if ball.touches > 0:
                 await_step(state, i)
@@ -164,7 +169,13 @@ def _join_all(state: State, constants: Constants, i: int, now: float) -> None:
 def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float) -> None:
     advance_to(state, constants, i, now)
     ball = state.balls[i]
-    nx, ny = normal_of(state, k)
+    if state.features[k].kind == MOUTH:
+        pocket(state, constants, i, k, now)
+        return
+    if is_held_at(ball, k):  # until its end
+        release_feature(state, i, k)
+        return
+    nx, ny = normal_of(state, k, ball.x, ball.y)
     place_on(state, k, ball)
     approach = -(nx * ball.vx + ny * ball.vy)
     if takes_time(state, constants, i, -1 - k, approach):
@@ -175,7 +186,7 @@ def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float
     bounces = ball.bounces
     if approach > 0.0:
         count_impact(ball, approach, constants)
-    if presses_feature(ball, nx, ny, approach, constants):
+    if presses_feature(ball, nx, ny, curvature_of(state, k), approach, constants):
         if approach > 0.0:
             log_impact(state, constants, now, i, -1 - k, nx, ny, approach, constants.mass * approach)
         hold(state, i, -1 - k)
@@ -183,7 +194,9 @@ def _meet_feature(state: State, constants: Constants, i: int, k: int, now: float
     elif approach > 0.0 and subsides(ball.bounces, approach, constants):
         _join_all(state, constants, i, now)
     elif approach > 0.0:
-        if not is_ideal(constants):  # rubbing at one body changes what another beside the ball does to it
+        # Where rails rub, what one body does changes what another beside the ball does to it. In a pocket, where they
+        # meet at any angle, it does so anyway.
+        if k >= RAILS or not is_ideal(constants):
             count = gather_cluster(state, constants, i, now)
             if count > 1:
                 ball.bounces = bounces  # counted with those of the cluster

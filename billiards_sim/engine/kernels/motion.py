@@ -41,6 +41,19 @@ def mark(state: State, i: int) -> None:
 
 
 @kernel
+def unmark(state: State, i: int) -> None:
+    """Note that ball i, which is marked, is not to be set going."""
+    clock = state.clock[0]
+    state.balls[i].changed = False
+    clock.changed -= 1
+    k = 0
+    while state.changed[k].ball != i:
+        k += 1
+    for later in range(k, clock.changed):
+        state.changed[later].ball = state.changed[later + 1].ball
+
+
+@kernel
 def mobility(phase: int) -> float:
     """Change of velocity by a unit impulse per mass, on the average over fine bounces.
 

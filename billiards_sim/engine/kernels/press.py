@@ -27,12 +27,15 @@ from .motion import GRIP, ROLLING_SHARE, slip
 from .settle import (
     MAX_ITERATIONS,
     MIN_STEP,
+    distance_in_touch,
     least_distance,
     opening_speed,
+    relative_motion,
     separation,
     set_normals,
     settle_velocities,
     stop,
+    turns,
 )
 from .state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants, Contact, State
 
@@ -283,7 +286,7 @@ def _separation_change(state: State, constants: Constants, contact: Contact, ste
     # How far the bodies come apart over a step, m, and how far they overlap at its start if one of them moves.
     first = state.balls[contact.first]
     nx, ny = contact.normal_x, contact.normal_y
-    if contact.second < 0:
+    if not turns(state, contact):
         opening = first.vx * nx + first.vy * ny + 0.5 * (first.ax * nx + first.ay * ny) * step
         overlap = overlap_with(state, -1 - contact.second, first.x, first.y) if first.phase != AT_REST else 0.0
         return opening * step, overlap
@@ -292,22 +295,21 @@ def _separation_change(state: State, constants: Constants, contact: Contact, ste
     distance = math.sqrt(qx * qx + qy * qy)
     # |e| - |q| without cancellation
     change = (ex - qx) * (ex + qx) + (ey - qy) * (ey + qy)
-    moving = first.phase != AT_REST or state.balls[contact.second].phase != AT_REST
-    overlap = 2.0 * constants.radius - distance if moving else 0.0
+    moving = first.phase != AT_REST or (contact.second >= 0 and state.balls[contact.second].phase != AT_REST)
+    overlap = distance_in_touch(state, constants, contact) - distance if moving else 0.0
     return change / (math.sqrt(ex * ex + ey * ey) + distance), overlap
 
 
 @kernel
 def _opening_acceleration(state: State, contact: Contact) -> float:
     # Along the normal, m/s^2, the centripetal term included.
-    first = state.balls[contact.first]
+    vx, vy, ax, ay = relative_motion(state, contact)
     nx, ny = contact.normal_x, contact.normal_y
-    if contact.second < 0:
-        return first.ax * nx + first.ay * ny
-    second = state.balls[contact.second]
+    opening = ax * nx + ay * ny
+    if not turns(state, contact):
+        return opening
     qx, qy = separation(state, contact, 0.0)
-    across = (first.vy - second.vy) * nx - (first.vx - second.vx) * ny
-    opening = (first.ax - second.ax) * nx + (first.ay - second.ay) * ny
+    across = vy * nx - vx * ny
     return opening + across * across / math.sqrt(qx * qx + qy * qy)
 
 
@@ -428,15 +430,13 @@ def _step_within_stray(state: State, contacts: int, step: float) -> float:
     allowed = step
     for c in range(contacts):
         contact = state.contacts[c]
-        if contact.second < 0:
+        if not turns(state, contact):
             closing = abs(opening_speed(state, contact))
             while 0.25 * closing * allowed > MAX_STRAY:
                 allowed *= 0.5
             continue
-        first, second = state.balls[contact.first], state.balls[contact.second]
-        vx, vy = first.vx - second.vx, first.vy - second.vy
-        ax, ay = first.ax - second.ax, first.ay - second.ay
-        qx, qy = first.x - second.x, first.y - second.y
+        vx, vy, ax, ay = relative_motion(state, contact)
+        qx, qy = separation(state, contact, 0.0)
         most = 2.0 * MAX_STRAY * math.sqrt(qx * qx + qy * qy)
         linear = 0.5 * abs(qx * vx + qy * vy)
         cubic = 4.0 / 27.0 * abs(vx * ax + vy * ay)
@@ -449,11 +449,11 @@ def _step_within_stray(state: State, contacts: int, step: float) -> float:
 @kernel
 def _turning_rate(state: State, contact: Contact, constants: Constants) -> float:
     # Of the normal of a contact, rad/s.
-    if contact.second < 0:
+    if not turns(state, contact):
         return 0.0
-    first, second = state.balls[contact.first], state.balls[contact.second]
-    across = (first.vy - second.vy) * contact.normal_x - (first.vx - second.vx) * contact.normal_y
-    return abs(across) / (2.0 * constants.radius)
+    vx, vy, _, _ = relative_motion(state, contact)
+    across = vy * contact.normal_x - vx * contact.normal_y
+    return abs(across) / distance_in_touch(state, constants, contact)
 
 
 @kernel

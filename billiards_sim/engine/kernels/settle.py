@@ -14,7 +14,7 @@ from .feature import normal_of
 from .island import gather_island
 from .kernel import kernel
 from .motion import GRIP, anchor, mark, mobility, roll_off, slip
-from .state import AT_REST, INF, ROLLING, SLIDING, Ball, Constants, Contact, State
+from .state import ARC, AT_REST, INF, ROLLING, SLIDING, Ball, Constants, Contact, State
 
 MIN_STEP = 1e-8
 """s. A slip that friction ends within this time has ended."""
@@ -212,21 +212,50 @@ def set_normals(state: State, contacts: int, ahead: float) -> None:
     """Set the normals of the first so many contacts to what they are `ahead` s along the present arcs."""
     for c in range(contacts):
         contact = state.contacts[c]
-        if contact.second >= 0:
+        if turns(state, contact):
             qx, qy = separation(state, contact, ahead)
             distance = math.sqrt(qx * qx + qy * qy)
             contact.normal_x = qx / distance
             contact.normal_y = qy / distance
         else:
-            contact.normal_x, contact.normal_y = normal_of(state, -1 - contact.second)
+            first = state.balls[contact.first]
+            contact.normal_x, contact.normal_y = normal_of(state, -1 - contact.second, first.x, first.y)
+
+
+@kernel
+def turns(state: State, contact: Contact) -> bool:
+    """Whether the normal of a contact turns as the bodies move: it is one of two balls, or of a ball and an arc."""
+    return contact.second >= 0 or state.features[-1 - contact.second].kind == ARC
 
 
 @kernel
 def separation(state: State, contact: Contact, ahead: float) -> tuple[float, float]:
-    """From the centre of the second ball of a contact to the first, m, `ahead` s along the present arcs."""
+    """From the centre of the second body of a contact that turns to the first, m, `ahead` s along the present arcs."""
     first = state.balls[contact.first]
+    if contact.second < 0:
+        arc = state.features[-1 - contact.second]
+        return (
+            first.x - arc.x + (first.vx + 0.5 * first.ax * ahead) * ahead,
+            first.y - arc.y + (first.vy + 0.5 * first.ay * ahead) * ahead,
+        )
     second = state.balls[contact.second]
     return (
         first.x - second.x + (first.vx - second.vx + 0.5 * (first.ax - second.ax) * ahead) * ahead,
         first.y - second.y + (first.vy - second.vy + 0.5 * (first.ay - second.ay) * ahead) * ahead,
     )
+
+
+@kernel
+def relative_motion(state: State, contact: Contact) -> tuple[float, float, float, float]:
+    """Velocity, m/s, and acceleration, m/s^2, of the first body of a contact as the second sees it."""
+    first = state.balls[contact.first]
+    if contact.second < 0:
+        return first.vx, first.vy, first.ax, first.ay
+    second = state.balls[contact.second]
+    return first.vx - second.vx, first.vy - second.vy, first.ax - second.ax, first.ay - second.ay
+
+
+@kernel
+def distance_in_touch(state: State, constants: Constants, contact: Contact) -> float:
+    """Of the centres of a contact that turns, m."""
+    return 2.0 * constants.radius if contact.second >= 0 else state.features[-1 - contact.second].reach

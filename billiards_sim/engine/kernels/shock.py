@@ -24,7 +24,7 @@ import math
 
 from .bounce import count_impact
 from .cells import first_neighbour, next_neighbour
-from .feature import normal_of, overlap_with
+from .feature import next_feature, normal_of, overlap_with
 from .impact import collide_pair
 from .island import release_ball
 from .kernel import kernel
@@ -167,7 +167,8 @@ def _gap(state: State, touch: Touch) -> float:
 def _normal(state: State, touch: Touch) -> tuple[float, float]:
     # Unit, towards the first.
     if touch.second < 0:
-        return normal_of(state, -1 - touch.second)
+        ball = state.balls[touch.first]
+        return normal_of(state, -1 - touch.second, ball.x, ball.y)
     first, second = state.balls[touch.first], state.balls[touch.second]
     dx, dy = first.x - second.x, first.y - second.y
     distance = math.sqrt(dx * dx + dy * dy)
@@ -220,9 +221,12 @@ def _is_reached(state: State, constants: Constants, i: int, j: int, duration: fl
     if j >= 0:
         partner = state.balls[j]
         fastest += math.sqrt(partner.vx * partner.vx + partner.vy * partner.vy)
-    for k in range(len(state.features)):
-        if -1 - k != j and -overlap_with(state, k, mine.x, mine.y) <= fastest * duration:
+    k = next_feature(state, NOBODY, mine.x, mine.y, fastest * duration)
+    while k != NOBODY:
+        met = -1 - k == j or (j < 0 and _are_of_one_edge(state, k, -1 - j, mine))
+        if not met and -overlap_with(state, k, mine.x, mine.y) <= fastest * duration:
             return True
+        k = next_feature(state, k, mine.x, mine.y, fastest * duration)
     k = first_neighbour(state, constants, i)
     while k != NOBODY:
         if k not in (i, j) and state.balls[k].phase != OFF_TABLE:
@@ -475,13 +479,15 @@ def _move_off(state: State, constants: Constants, i: int, now: float) -> float:
     # Move a ball off whom it overlaps with; returns the largest overlap, m.
     ball = state.balls[i]
     worst = 0.0
-    for k in range(len(state.features)):
+    k = next_feature(state, NOBODY, ball.x, ball.y, 0.0)
+    while k != NOBODY:
         depth = overlap_with(state, k, ball.x, ball.y)
         if depth > NEAR:
-            nx, ny = normal_of(state, k)
+            nx, ny = normal_of(state, k, ball.x, ball.y)
             ball.x += depth * nx
             ball.y += depth * ny
             worst = max(worst, depth)
+        k = next_feature(state, k, ball.x, ball.y, 0.0)
     j = first_neighbour(state, constants, i)
     while j != NOBODY:
         other = state.balls[j]
@@ -557,13 +563,15 @@ def take_step(state: State, constants: Constants, i: int, now: float) -> None:
 def _touch_neighbours(state: State, constants: Constants, i: int, now: float) -> bool:
     # Add a touch of ball i, of the island, that begins now; returns whether there was one.
     ball = state.balls[i]
-    for k in range(len(state.features)):
-        nx, ny = normal_of(state, k)
+    k = next_feature(state, NOBODY, ball.x, ball.y, NEAR)
+    while k != NOBODY:
+        nx, ny = normal_of(state, k, ball.x, ball.y)
         closing = -(ball.vx * nx + ball.vy * ny)
         meets = closing > constants.least_approach and -overlap_with(state, k, ball.x, ball.y) <= NEAR
-        if meets and not _is_touching(state, i, -1 - k):
+        if meets and not _is_pushed_by(state, i, k):
             _add_touch(state, constants, i, -1 - k)
             return True
+        k = next_feature(state, k, ball.x, ball.y, NEAR)
     j = first_neighbour(state, constants, i)
     while j != NOBODY:
         meets = j != i and state.balls[j].phase != OFF_TABLE and _closes_on(state, constants, i, j, now)
@@ -616,6 +624,38 @@ def _is_touching(state: State, i: int, j: int) -> bool:
 
 
 @kernel
+def _is_pushed_by(state: State, i: int, k: int) -> bool:
+    # Whether ball i touches feature k, or what stands there as part of the same edge.
+    for c in range(state.clock[0].touches):
+        touch = state.touches[c]
+        if touch.first == i and touch.second < 0 and _are_of_one_edge(state, k, -1 - touch.second, state.balls[i]):
+            return True
+    return False
+
+
+@kernel
+def _are_of_one_edge(state: State, k: int, other: int, ball: Ball) -> bool:
+    # Whether features are the same, or a nose, a point and a jaw that follow each other: a ball is pushed by one edge
+    # in one direction. Two edges push at right angles, or against each other.
+    if k == other:
+        return True
+    ax, ay = normal_of(state, k, ball.x, ball.y)
+    bx, by = normal_of(state, other, ball.x, ball.y)
+    return ax * bx + ay * by > 0.0
+
+
+@kernel
+def forget_touches(state: State, constants: Constants, i: int, now: float) -> None:
+    """End the elastic contacts of a ball that is taken away."""
+    if state.balls[i].touches == 0:
+        return
+    for c in range(state.clock[0].touches - 1, -1, -1):
+        touch = state.touches[c]
+        if touch.first == i or touch.second == i:
+            _drop(state, constants, c, now)
+
+
+@kernel
 def _step_of(state: State, constants: Constants, touches: int, count: int, now: float) -> float:
     # How long the forces of an island are smooth, and are followed well.
     for k in range(count):
@@ -650,12 +690,14 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
                     step = min(step, max(_time_for(gap, closing, faster), SHORTEST))
             j = next_neighbour(state, constants, i, j)
         ball, stage = state.balls[i], state.stages[i]
-        for f in range(len(state.features)):
+        f = next_feature(state, NOBODY, ball.x, ball.y, LOOK)
+        while f != NOBODY:
             gap = -overlap_with(state, f, ball.x, ball.y)
-            if gap > NEAR and gap < LOOK and not _is_touching(state, i, -1 - f):
-                nx, ny = normal_of(state, f)
+            if gap > NEAR and gap < LOOK and not _is_pushed_by(state, i, f):
+                nx, ny = normal_of(state, f, ball.x, ball.y)
                 closing = -(ball.vx * nx + ball.vy * ny)
                 step = min(step, max(_time_for(gap, closing, -(stage.fx * nx + stage.fy * ny)), SHORTEST))
+            f = next_feature(state, f, ball.x, ball.y, LOOK)
     step = min(step, LONGEST)
     for c in range(touches):
         if _ends_with(state, state.touches[c], step):
@@ -778,7 +820,7 @@ def _evaluate(state: State, constants: Constants, touches: int, count: int, weig
         touch = state.touches[c]
         first, one = state.balls[touch.first], state.stages[touch.first]
         if touch.second < 0:
-            nx, ny = normal_of(state, -1 - touch.second)
+            nx, ny = normal_of(state, -1 - touch.second, first.x + one.dx, first.y + one.dy)
             depth = touch.reach + overlap_with(state, -1 - touch.second, first.x + one.dx, first.y + one.dy)
             if depth > 0.0:
                 push = _push(touch, depth, -(one.ux * nx + one.uy * ny), constants.rail_damping, constants)

@@ -31,6 +31,7 @@ BALL_RAIL = 1
 ROLLED = 2
 RESTED = 3
 SHOT = 4
+POCKETED = 5
 """Kinds of events."""
 
 X_MIN = 0
@@ -38,6 +39,17 @@ X_MAX = 1
 Y_MIN = 2
 Y_MAX = 3
 """Sides of the playing area, in the order of the features, and of a cell."""
+
+LINE = 0
+ARC = 1
+MOUTH = 2
+"""Kinds of features: the nose of a rail or a jaw, the point between them, and where a ball falls into a pocket."""
+
+RAILS = 4
+"""Number of features that every table begins with: the lines of its rails."""
+
+PARTS = 5
+"""Number of features of a pocket, one after the other: two jaws, two points, the mouth."""
 
 QUEUED = 1
 LISTED = 2
@@ -83,8 +95,10 @@ class Ball:
     alpha_z: float = 0.0  # until wz is 0
     vz: float = 0.0  # m/s, during an impact alone
     phase_end: float = 0.0  # s, when the phase, or a step of a sustained contact, ends
-    feature_time: float = 0.0  # s, when it meets a feature at the earliest
-    feature: int = 0  # that feature
+    feature_time: float = (
+        0.0  # s, when it meets a feature at the earliest, or comes to the end of one that it is held at
+    )
+    feature: int = 0  # that feature; of a ball off the table the mouth that it fell into, 0 for none
     border_time: float = 0.0  # s, when it leaves its cell
     border: int = 0  # on which side
     held_at: int = 0  # bit k: in sustained contact with feature k
@@ -176,11 +190,25 @@ class Stage:
 
 @dataclass(slots=True)
 class Feature:
-    """What stands on the table: the line that the centre of a ball reaches where it touches the nose of a rail."""
+    """What stands on the table, as the centre of a ball meets it: a stretch of a line, or a circle.
 
-    normal_x: float = 0.0  # unit, into the table
+    On a line, and on an arc, there is something `near` to `far` away from `along`, to both sides. Lengths along t =
+    (-normal_y, normal_x) count from the centre of the table. In the openings of a rail's line are pockets.
+    """
+
+    kind: int = LINE
+    normal_x: float = 0.0  # unit, into the table; of an arc that in its middle
     normal_y: float = 0.0
     offset: float = 0.0  # m, of the table's centre over the line
+    along: float = 0.0  # m
+    near: float = 0.0
+    far: float = 0.0
+    x: float = 0.0  # m, centre of the circle
+    y: float = 0.0
+    reach: float = 0.0  # m, its radius
+    low: int = 0  # the first part of the pocket before the stretch, NOBODY: none
+    between: int = 0  # in its middle
+    high: int = 0  # and behind it
 
 
 @dataclass(slots=True)

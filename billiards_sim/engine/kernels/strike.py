@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from .detection import contact_time, rail_contact_time
-from .feature import normal_of, overlap_with
+from .detection import contact_time
+from .feature import first_contact
 from .island import release_ball
 from .kernel import kernel
 from .law.squirt import squirt
@@ -124,10 +124,8 @@ def strike(
 def _free_way(state: State, i: int, now: float, x: float, y: float, way_x: float, way_y: float) -> float:
     # Share of the displacement under the cue (equation 3), 0 to 1, that ends at the first ball or rail in the way.
     constants = state.constants[0]
-    way = 1.0
-    for k in range(len(state.features)):
-        nx, ny = normal_of(state, k)
-        way = min(way, rail_contact_time(-overlap_with(state, k, x, y), -(nx * way_x + ny * way_y), 0.0, 0.0))
+    feature_time, _ = first_contact(state, x, y, way_x, way_y, 0.0, 0.0, 0, 1.0, 0.0)
+    way = min(1.0, feature_time)
     for j in range(len(state.balls)):
         if j != i and state.balls[j].phase != OFF_TABLE:
             other_x, other_y = place_at(state.balls[j], now)

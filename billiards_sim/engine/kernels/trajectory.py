@@ -14,7 +14,7 @@ from typing import NamedTuple
 from .kernel import kernel
 from .loop import PAUSED, run_until
 from .orientation import Turns, follow
-from .state import OFF_TABLE, Ball, State
+from .state import Ball, State
 
 
 @dataclass(slots=True)
@@ -80,7 +80,7 @@ def _write(state: State, tape: Tape) -> None:
     for i in range(len(tape.latest)):
         ball = state.balls[i]
         latest = tape.latest[i]
-        if ball.phase == OFF_TABLE and latest.time == ball.time:
+        if ball.x != ball.x and latest.time == ball.time:  # nan, which differs from itself: it was never in play
             continue
         if _has_changed(ball, latest):
             _copy(ball, latest)
