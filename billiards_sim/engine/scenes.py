@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -78,17 +77,8 @@ def random_balls(
     return Scene(positions, velocities, table=table, physics=physics, name="random_balls")
 
 
-def eight_ball(gap: float = RACK_GAP, *, table: Table = PAPER_TABLE, physics: Physics = PAPER_PHYSICS) -> Scene:
-    """A game of eight-ball before the break: a `rack` on the paper's table.
-
-    Raises:
-        ValueError: as `rack`.
-    """
-    return replace(rack(gap, table=table, physics=physics), name="eight_ball")
-
-
 def rack(gap: float = RACK_GAP, *, table: Table = PAPER_TABLE, physics: Physics = PAPER_PHYSICS) -> Scene:
-    """An eight-ball rack and the cue ball on the head spot, all at rest.
+    """15 balls racked for eight-ball on the paper's table, and the cue ball on the head spot, all at rest.
 
     Args:
         gap: m between neighbouring balls of the rack, >= 0; 0 racks them touching.
@@ -122,7 +112,6 @@ BUILT_IN: dict[str, Callable[..., Scene]] = {
     "head_on": head_on,
     "glancing": glancing,
     "random_balls": random_balls,
-    "eight_ball": eight_ball,
     "rack": rack,
 }
 """The built-in scenes by name; each takes `table` and `physics`."""

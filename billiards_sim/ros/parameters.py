@@ -39,7 +39,7 @@ GROUP_PRESETS = {"physics.preset": PRESETS}
 
 PRESET_HELP = "{}, or empty for the scene's own: values for those of the group that are not given themselves"
 
-DEFAULT_SCENE = "eight_ball"
+DEFAULT_SCENE = "rack"
 
 DEFAULT_FRAME = "table"
 

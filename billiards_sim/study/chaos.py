@@ -45,7 +45,7 @@ def shifted(scene: Scene, shift: float) -> Scene:
 
 def a_break(seed: int, shift: float) -> Simulation:
     """An eight-ball break at 8 m/s; the seed gives the aim."""
-    simulation = Simulation(shifted(scenes.eight_ball(), shift))
+    simulation = Simulation(shifted(scenes.rack(), shift))
     simulation.strike(break_force(seed))
     return simulation
 

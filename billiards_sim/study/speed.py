@@ -44,7 +44,7 @@ START_CODE = """
 import time
 start = time.perf_counter()
 import billiards_sim as bs
-simulation = bs.Simulation(bs.scenes.eight_ball())
+simulation = bs.Simulation(bs.scenes.rack())
 simulation.strike((128.0, 1.5, 0.0))
 simulation.run()
 print(time.perf_counter() - start)
@@ -76,7 +76,7 @@ def break_force(seed: int) -> tuple[float, float, float]:
 
 def struck(seed: int, track_orientation: bool = False) -> Simulation:
     """An eight-ball rack after the break shot, before anything moves."""
-    rack = scenes.eight_ball()
+    rack = scenes.rack()
     if track_orientation:
         rack = Scene(rack.positions, track_orientation=True)
     simulation = Simulation(rack)
@@ -157,7 +157,7 @@ def start_rows(starts: int) -> list[Row]:
 
 def small_rows(runs: int) -> list[Row]:
     """Set-up, copies and shots: microseconds each."""
-    scene = scenes.eight_ball()
+    scene = scenes.rack()
     simulation = Simulation(scene)
     simulation.strike(break_force(0))
     simulation.run(until=0.3)

@@ -88,7 +88,7 @@ def run_scene(seed: int) -> Extremes:
 def break_shot(seed: int) -> tuple[bs.Scene, bs.Shot]:
     """A break with random speed, aim, english and gaps."""
     random = np.random.default_rng(seed)
-    scene = bs.scenes.eight_ball(float(random.choice(GAPS)))
+    scene = bs.scenes.rack(float(random.choice(GAPS)))
     force, angle = random.uniform(5.0, 200.0), random.uniform(-0.1, 0.1)
     side, up = random.uniform(-0.45, 0.45, 2) * RADIUS
     return scene, bs.Shot((force * math.cos(angle), force * math.sin(angle), 0.0), (side, up))

@@ -19,7 +19,7 @@ STARTS = [0.0, 0.1, 1e3, 1e6]
 
 def racked(time: float) -> bs.Simulation:
     """The rack after so long, about to be broken."""
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(time)
     simulation.strike(*BREAK)
     return simulation

@@ -66,7 +66,7 @@ def test_two_touching_balls_hit_by_a_third_keep_momentum_and_energy(angle: float
 
 
 def test_result_does_not_depend_on_the_order_of_the_balls() -> None:
-    scene = bs.scenes.eight_ball(0.0)
+    scene = bs.scenes.rack(0.0)
     order = np.random.default_rng(5).permutation(16)
     states = []
     for arrangement in (np.arange(16), order):
@@ -80,7 +80,7 @@ def test_result_does_not_depend_on_the_order_of_the_balls() -> None:
 
 @pytest.mark.parametrize("gap", [0.0, 1e-4])
 def test_symmetric_rack_stays_symmetric(gap: float) -> None:
-    scene = bs.scenes.eight_ball(gap)
+    scene = bs.scenes.rack(gap)
     axis = scene.table.centre[1]
     mirror = [
         int(np.argmin(np.hypot(scene.positions[:, 0] - x, scene.positions[:, 1] - (2.0 * axis - y))))
@@ -105,7 +105,7 @@ def test_ball_in_a_corner_meets_both_rails_and_a_ball() -> None:
 
 @pytest.mark.parametrize("speed", [1.0, 8.0])
 def test_touching_rack_keeps_the_laws_until_rest(speed: float) -> None:
-    worst = extremes(bs.scenes.eight_ball(0.0), lambda simulation: simulation.strike((16.0 * speed, 0.7, 0.0)))
+    worst = extremes(bs.scenes.rack(0.0), lambda simulation: simulation.strike((16.0 * speed, 0.7, 0.0)))
     assert worst.overlap <= 1e-9
     assert worst.outside <= 1e-9
     assert worst.energy_rise <= 1e-12

@@ -31,7 +31,7 @@ COPIES: tuple[Callable[[Any], Any], ...] = (
 
 def midway() -> bs.Simulation:
     """Shortly after a break, with orientations, and with a shot that no call has told of."""
-    simulation = bs.Simulation(replace(bs.scenes.eight_ball(), track_orientation=True))
+    simulation = bs.Simulation(replace(bs.scenes.rack(), track_orientation=True))
     simulation.advance(0.3)
     simulation.strike((128.0, 1.5, 0.0))
     simulation.advance(0.21)
@@ -131,7 +131,7 @@ def test_another_process_goes_on_with_the_same_bits(interpreted: str) -> None:
 
 @pytest.mark.parametrize("copied", COPIES)
 def test_copies_know_the_last_shot(copied: Callable[[Any], Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    original = bs.Simulation(bs.scenes.eight_ball())
+    original = bs.Simulation(bs.scenes.rack())
     original.strike((128.0, 1.5, 0.0))
     original.advance(0.1)
     twin = copied(original)

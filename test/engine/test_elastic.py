@@ -118,7 +118,7 @@ def test_slow_balls_stay_rigid() -> None:
 
 def rack(gap: float, aim: float = 0.0, **physics: float) -> bs.Simulation:
     """A rack that is about to be hit at 8 m/s."""
-    scene = bs.scenes.eight_ball(gap, physics=bs.Physics(**{"youngs_modulus": 5.8e9, **physics}))
+    scene = bs.scenes.rack(gap, physics=bs.Physics(**{"youngs_modulus": 5.8e9, **physics}))
     simulation = bs.Simulation(scene)
     force = 8.0 * scene.physics.mass / scene.physics.cue_contact_time
     simulation.strike((force * math.cos(aim), force * math.sin(aim), 0.0))

@@ -84,7 +84,7 @@ def test_laws_hold_at_any_spin_and_speed(spin: list[float], speed: float) -> Non
 
 @pytest.mark.parametrize("restitution", [0.0, 1.0])
 def test_laws_hold_at_any_restitution(restitution: float) -> None:
-    base = bs.scenes.eight_ball()
+    base = bs.scenes.rack()
     scene = bs.Scene(base.positions, physics=bs.Physics(rail_restitution=restitution))
     worst = extremes(scene, lambda simulation: simulation.strike((128.0, 2.0, 0.0), (0.004, -0.006)))
     assert worst.overlap <= 1e-9
@@ -125,9 +125,9 @@ def test_million_tiny_steps_end_on_the_bits_of_one() -> None:
 
 
 def test_million_seconds_of_rest_and_of_motion() -> None:
-    resting = bs.Simulation(bs.scenes.eight_ball())
+    resting = bs.Simulation(bs.scenes.rack())
     resting.advance(1e6)
-    assert np.array_equal(resting.positions, bs.Simulation(bs.scenes.eight_ball()).positions)
+    assert np.array_equal(resting.positions, bs.Simulation(bs.scenes.rack()).positions)
     moving = bs.Simulation(bs.Scene([[1.0, 0.6]], [[1.0, 0.3]], physics=ICE))
     seconds = 1e6 if COMPILED else 1e4
     events = moving.advance(seconds)

@@ -81,7 +81,7 @@ def test_it_has_no_position_and_does_not_move() -> None:
 
 
 def test_it_cannot_be_struck() -> None:
-    simulation = bs.Simulation(without(bs.scenes.eight_ball(), "cue"))
+    simulation = bs.Simulation(without(bs.scenes.rack(), "cue"))
     with pytest.raises(ValueError, match="ball 'cue' is not in play"):
         simulation.strike((80.0, 0.0, 0.0))
     simulation.strike((80.0, 0.0, 0.0), ball="1")

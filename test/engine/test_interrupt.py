@@ -30,7 +30,7 @@ ENGINE = str(Path(simulation_module.__file__).parent)
 
 
 def broken_rack() -> bs.Simulation:
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(0.25)
     simulation.strike((128.0, 1.5, 0.0), (0.002, 0.004))
     return simulation
@@ -52,7 +52,7 @@ def dense_cluster() -> bs.Simulation:
 
 def touching_rack() -> bs.Simulation:
     """Without friction nothing presses: one cluster of impacts."""
-    simulation = bs.Simulation(bs.scenes.eight_ball(0.0, physics=bs.Physics(sliding_friction=0.0)))
+    simulation = bs.Simulation(bs.scenes.rack(0.0, physics=bs.Physics(sliding_friction=0.0)))
     simulation.strike((128.0, 1.5, 0.0))
     return simulation
 

@@ -749,7 +749,7 @@ def test_recording_of_spin_alone_lasts_until_it_has_ended() -> None:
 def test_effects_given_as_off_change_no_bit() -> None:
     off = {"ball_restitution": 1.0, "ball_friction": 0.0, "ball_friction_slow": 0.0, "rail_friction": 0.0}
     off |= {"spin_friction": 0.0, "cue_end_mass": 0.0, "miscue_limit": 1.0}
-    rack = bs.scenes.eight_ball(0.0)
+    rack = bs.scenes.rack(0.0)
     explicit = replace(rack, physics=bs.Physics(ball_friction_decay=3.0, **off), table=bs.Table(nose_height=0.5))
     states = []
     for scene in (rack, explicit):
@@ -861,7 +861,7 @@ def test_balls_that_friction_presses_stop_bouncing(restitution: float, gap: floa
 @pytest.mark.parametrize("gap", [0.0, 1e-4])
 def test_break_with_every_effect_ends(gap: float, restitution: float, speed: float) -> None:
     physics = bs.Physics(**{**POOL, "ball_restitution": restitution})
-    rack = bs.scenes.eight_ball(gap)
+    rack = bs.scenes.rack(gap)
     simulation = bs.Simulation(replace(rack, physics=physics, table=POOL_TABLE))
     simulation.shoot(speed, 0.01, side=0.3, up=0.2)
     energy = simulation.kinetic_energy
@@ -875,7 +875,7 @@ def test_break_with_every_effect_ends(gap: float, restitution: float, speed: flo
 
 
 def test_symmetric_break_with_every_effect_stays_symmetric() -> None:
-    rack = bs.scenes.eight_ball(0.0)
+    rack = bs.scenes.rack(0.0)
     axis = rack.table.centre[1]
     mirror = [
         int(np.argmin(np.hypot(rack.positions[:, 0] - x, rack.positions[:, 1] - (2.0 * axis - y))))

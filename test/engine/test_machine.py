@@ -149,7 +149,7 @@ def is_alive(compiler: tuple[int, int]) -> bool:
 
 
 def test_nothing_starts_before_something_plays(site: Site) -> None:
-    made = "bs.Simulation(bs.scenes.eight_ball()).copy()"
+    made = "bs.Simulation(bs.scenes.rack()).copy()"
     look = "print(threading.active_count(), [name for name in ('numba', 'llvmlite') if name in sys.modules])"
     assert site.run(f"{made}\n{look}") == ("1 []", "")
 
@@ -162,7 +162,7 @@ def test_who_plays_does_not_wait_for_the_compiler(site: Site) -> None:
 def test_a_simulation_changes_over_while_it_runs(site: Site) -> None:
     site.takes(0.3)
     code = """
-sim = bs.Simulation(bs.scenes.eight_ball(physics=bs.Physics(sliding_friction=0.0, rail_restitution=1.0)))
+sim = bs.Simulation(bs.scenes.rack(physics=bs.Physics(sliding_friction=0.0, rail_restitution=1.0)))
 sim.strike((128.0, 1.5, 0.0))
 from billiards_sim.engine.tables import Packed
 while not isinstance(sim._now.state, Packed):

@@ -184,7 +184,7 @@ def test_balls_in_mouths_keep_the_laws_until_rest(first: int) -> None:
 def test_breaks_keep_the_laws_until_rest() -> None:
     pocketed = 0
     for seed in range(12 if COMPILED else 1):
-        simulation = bs.Simulation(bs.scenes.eight_ball(0.0, table=POOL_9FT, physics=POOL))
+        simulation = bs.Simulation(bs.scenes.rack(0.0, table=POOL_9FT, physics=POOL))
         simulation.shoot(7.0 + 0.25 * seed, 0.0025 * seed, side=0.2)
         worst = pocket_extremes(simulation)
         assert worst.overlap <= 1e-9, seed
@@ -210,7 +210,7 @@ def mirrored_name(name: str | None, axis: int) -> str | None:
 def test_mirrored_shots_end_mirrored(axis: int, speed: float) -> None:
     # On a table whose middle is at the origin but for the thickness of the rails, which shifts it by a power of two.
     table = replace(POOL_9FT, length=2.5, width=1.25, rail_thickness=0.03125)
-    scene = bs.scenes.eight_ball(table=table, physics=POOL)
+    scene = bs.scenes.rack(table=table, physics=POOL)
     scene = replace(scene, positions=np.round(scene.positions * 2.0**40) / 2.0**40)  # mirrored without rounding
     sign = np.array([-1.0 if axis == 0 else 1.0, -1.0 if axis == 1 else 1.0])
     centre = np.array(table.centre)
@@ -232,7 +232,7 @@ def test_mirrored_shots_end_mirrored(axis: int, speed: float) -> None:
 
 
 def broken() -> bs.Simulation:
-    simulation = bs.Simulation(bs.scenes.eight_ball(table=POOL_9FT, physics=POOL))
+    simulation = bs.Simulation(bs.scenes.rack(table=POOL_9FT, physics=POOL))
     simulation.shoot(9.0, 0.01, side=0.2)
     return simulation
 
@@ -497,7 +497,7 @@ def test_a_recording_shows_a_pocketed_ball_in_its_pocket() -> None:
 
 
 def test_orientation_is_kept_with_balls_in_pockets() -> None:
-    scene = replace(bs.scenes.eight_ball(table=POOL_9FT, physics=POOL), track_orientation=True)
+    scene = replace(bs.scenes.rack(table=POOL_9FT, physics=POOL), track_orientation=True)
     plain, tracked = broken(), bs.Simulation(scene)
     tracked.shoot(9.0, 0.01, side=0.2)
     assert rest(tracked) == rest(plain)

@@ -22,7 +22,7 @@ TABLE = bs.Table()
 
 
 def broken_rack() -> bs.Simulation:
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.shoot(8.0, 0.01, 0.2, -0.3)
     return simulation
 
@@ -46,7 +46,7 @@ def many_balls() -> bs.Simulation:
 
 def late_break() -> bs.Simulation:
     """Long after the start: times of the table are rounded by 6e-11 s."""
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(1e6 + 1.0 / 3.0)
     simulation.shoot(8.0, 0.01, 0.2, -0.3)
     simulation.advance(0.01)
@@ -193,7 +193,7 @@ def test_a_ball_that_waits_is_where_it_waits_until_it_is_hit() -> None:
 
 
 def test_a_recording_of_rest_is_one_instant() -> None:
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     run = bs.record(simulation)
     assert (run.start, run.end, len(run.events)) == (0.0, 0.0, 0)
     assert run.positions([0.0])[0].tobytes() == simulation.positions.tobytes()

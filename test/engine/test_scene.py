@@ -123,12 +123,12 @@ def test_scene_arrays_are_copies_that_cannot_be_written() -> None:
 
 
 def test_default_names() -> None:
-    assert bs.scenes.eight_ball().names == ("cue", *map(str, range(1, 16)))
+    assert bs.scenes.rack().names == ("cue", *map(str, range(1, 16)))
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-4, 1e-3])
 def test_rack_is_a_triangle_on_the_foot_spot(gap: float) -> None:
-    scene = bs.scenes.eight_ball(gap)
+    scene = bs.scenes.rack(gap)
     table = scene.table
     assert scene.positions[0] == pytest.approx(table.head_spot)
     rack = scene.positions[1:]
@@ -145,7 +145,7 @@ def test_rack_is_a_triangle_on_the_foot_spot(gap: float) -> None:
 
 
 def test_rack_is_mirror_symmetric_to_the_last_bit() -> None:
-    scene = bs.scenes.eight_ball(0.0)
+    scene = bs.scenes.rack(0.0)
     aside = scene.positions[1:, 1] - scene.table.centre[1]
     assert sorted(zip(scene.positions[1:, 0], aside, strict=True)) == sorted(
         zip(scene.positions[1:, 0], -aside, strict=True)
@@ -166,7 +166,7 @@ def test_built_in_scenes_are_laid_out_for_the_table_and_the_physics_given(make) 
 
 
 def test_the_rack_stands_on_the_foot_spot_of_another_table() -> None:
-    scene = bs.scenes.eight_ball(table=WPA_9FT, physics=bs.Physics(radius=0.03))
+    scene = bs.scenes.rack(table=WPA_9FT, physics=bs.Physics(radius=0.03))
     assert scene.positions[0] == pytest.approx([0.127 + 0.635, 0.127 + 0.635], abs=1e-12)
     assert scene.positions[1] == pytest.approx([0.127 + 1.905, 0.127 + 0.635], abs=1e-12)
     assert np.hypot(*(scene.positions[9] - scene.positions[1])) == pytest.approx(0.0601, abs=1e-12)
@@ -187,7 +187,7 @@ def test_a_table_too_small_for_a_built_in_scene_is_refused(make) -> None:
 @pytest.mark.parametrize("gap", [-1e-6, math.nan, math.inf, "1"])
 def test_bad_gap_is_refused(gap) -> None:
     with pytest.raises(ValueError, match="gap must be a finite number >= 0"):
-        bs.scenes.eight_ball(gap)
+        bs.scenes.rack(gap)
 
 
 def test_random_balls_are_the_same_for_the_same_seed() -> None:

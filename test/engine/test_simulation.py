@@ -25,10 +25,10 @@ def break_shot(simulation: bs.Simulation) -> None:
 
 
 def test_advance_in_pieces_gives_the_bits_of_one_run() -> None:
-    whole = bs.Simulation(bs.scenes.eight_ball())
+    whole = bs.Simulation(bs.scenes.rack())
     break_shot(whole)
     events = whole.run()
-    pieces = bs.Simulation(bs.scenes.eight_ball())
+    pieces = bs.Simulation(bs.scenes.rack())
     break_shot(pieces)
     collected = []
     while not pieces.at_rest:
@@ -203,7 +203,7 @@ def test_no_rail_is_tunnelled_through_at_any_speed(speed: float) -> None:
 
 
 def test_touching_balls_at_rest_stay_where_they_are() -> None:
-    simulation = bs.Simulation(bs.scenes.eight_ball(gap=0.0))
+    simulation = bs.Simulation(bs.scenes.rack(gap=0.0))
     start = simulation.positions
     assert simulation.at_rest
     assert list(simulation.advance(10.0)) == []
@@ -261,7 +261,7 @@ def test_breaks_keep_the_laws_until_rest() -> None:
         angle, size = random.uniform(-0.02, 0.02), random.uniform(40.0, 200.0)
         side, up = random.uniform(-0.4, 0.4, 2) * RADIUS
         force = (size * math.cos(angle), size * math.sin(angle), 0.0)
-        worst = extremes(bs.scenes.eight_ball(), lambda simulation: simulation.strike(force, (side, up)))  # noqa: B023
+        worst = extremes(bs.scenes.rack(), lambda simulation: simulation.strike(force, (side, up)))  # noqa: B023
         assert worst.overlap <= 1e-9, seed
         assert worst.outside <= 1e-9, seed
         assert worst.energy_rise <= 1e-12, seed
@@ -270,14 +270,14 @@ def test_breaks_keep_the_laws_until_rest() -> None:
 def test_head_on_break_is_the_same_on_every_run() -> None:
     runs = []
     for _ in range(2):
-        simulation = bs.Simulation(bs.scenes.eight_ball())
+        simulation = bs.Simulation(bs.scenes.rack())
         break_shot(simulation)
         runs.append((list(simulation.run()), simulation.positions.tobytes()))
     assert runs[0] == runs[1]
 
 
 def test_copy_goes_its_own_way_and_leaves_the_original() -> None:
-    original = bs.Simulation(bs.scenes.eight_ball())
+    original = bs.Simulation(bs.scenes.rack())
     break_shot(original)
     original.advance(0.3)
     twin = original.copy()
@@ -290,7 +290,7 @@ def test_copy_goes_its_own_way_and_leaves_the_original() -> None:
 
 
 def test_scene_is_the_present_state() -> None:
-    start = bs.scenes.eight_ball()
+    start = bs.scenes.rack()
     simulation = bs.Simulation(start)
     break_shot(simulation)
     simulation.advance(0.4)
@@ -307,7 +307,7 @@ def test_scene_is_the_present_state() -> None:
 
 
 def test_snapshot_is_restored_to_the_bit_as_often_as_wanted() -> None:
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     start = simulation.snapshot()
     outcomes = []
     for force in (80.0, 128.0, 80.0):
@@ -320,7 +320,7 @@ def test_snapshot_is_restored_to_the_bit_as_often_as_wanted() -> None:
 
 
 def test_snapshot_keeps_a_shot_that_no_call_has_reported_yet() -> None:
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     break_shot(simulation)
     assert simulation.copy().advance(0.01)[0].kind == "shot"
     assert simulation.advance(0.01)[0].kind == "shot"
@@ -335,7 +335,7 @@ def test_stall_is_an_error_with_a_scene_file_that_leads_there_again(monkeypatch:
     # With a budget of five steps the burst of impacts in a rack counts as a stall.
     monkeypatch.setattr(simulation_module, "BATCH", 1)
     monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.strike((80.0, 1.0, 0.0), (0.001, 0.002))
     with pytest.raises(bs.StallError, match="no progress.*reproduces it") as stall:
         simulation.run()
@@ -367,7 +367,7 @@ def test_stall_without_a_shot_gives_the_scene_itself(monkeypatch: pytest.MonkeyP
 def test_stall_tells_plain_times(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulation_module, "BATCH", 1)
     monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     break_shot(simulation)
     with pytest.raises(
         bs.StallError, match=r"^no progress: 5 steps from \d\.\d+ to \d\.\d+ s since the last shot"
@@ -379,7 +379,7 @@ def test_stall_tells_plain_times(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_stall_is_noticed_across_calls_that_give_way(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulation_module, "BATCH", 1)
     monkeypatch.setattr(simulation_module, "EVENT_BUDGET", 5)
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     break_shot(simulation)
     with pytest.raises(bs.StallError) as stall:
         for _ in range(200):

@@ -28,7 +28,7 @@ HERE = Path(__file__).parent
 
 def digest() -> str:
     """Of every event and final state of a break, of the exact scenes' kind of scene and of random ones."""
-    scenes = [bs.scenes.head_on(), bs.scenes.glancing(), bs.scenes.eight_ball(), bs.scenes.eight_ball(0.0)]
+    scenes = [bs.scenes.head_on(), bs.scenes.glancing(), bs.scenes.rack(), bs.scenes.rack(0.0)]
     scenes += [random_scene(seed) for seed in range(20)]
     scenes.append(bs.Scene([[2.35, 0.6]], [[0.1, 0.5]], [[0.0, 150.0, 0.0]]))
     scenes += [replace(scene, physics=bs.Physics(**POOL), table=POOL_TABLE) for scene in scenes]
@@ -36,7 +36,7 @@ def digest() -> str:
     summary = hashlib.sha256()
     for scene in scenes:
         simulation = bs.Simulation(scene)
-        if scene.name == "eight_ball":
+        if scene.name == "rack":
             simulation.strike((120.0, 1.0, 0.0), (0.004, 0.006))
         for event in simulation.run():
             summary.update(repr(event).encode())
@@ -106,7 +106,7 @@ DETOURS: tuple[Callable[[bs.Simulation], bs.Simulation], ...] = (
 def played(seed: int, detours: bool) -> tuple[object, ...]:
     """A break in several pieces, with an orientation for every third, and what is recorded of its end."""
     random = np.random.default_rng(seed)
-    simulation = bs.Simulation(replace(bs.scenes.eight_ball(), track_orientation=seed % 3 == 0))
+    simulation = bs.Simulation(replace(bs.scenes.rack(), track_orientation=seed % 3 == 0))
     simulation.advance(0.25)
     simulation.strike((100.0, float(random.uniform(-2.0, 2.0)), 0.0), tuple(random.uniform(-0.006, 0.006, 2)))
     events = []

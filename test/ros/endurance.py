@@ -121,7 +121,7 @@ class Table:
     """A table in its own process group, which can be killed and started again."""
 
     def __init__(self, factor: float = REAL_TIME_FACTOR) -> None:
-        given = ("scene:=eight_ball", f"update_rate:={UPDATE_RATE}", f"real_time_factor:={factor}")
+        given = ("scene:=rack", f"update_rate:={UPDATE_RATE}", f"real_time_factor:={factor}")
         self._arguments = [part for parameter in given for part in ("-p", parameter)]
 
     def __enter__(self) -> Table:
@@ -288,7 +288,7 @@ class Client:
         future = self._reset.call_async(Trigger.Request())
         self.spin_until(future.done, SHOT_TIMEOUT)
         self._time = 0.0
-        return future.result().success and self.error(bs.scenes.eight_ball().positions) == 0.0
+        return future.result().success and self.error(bs.scenes.rack().positions) == 0.0
 
     def error(self, positions: NDArray[np.float64]) -> float:
         """The furthest that a ball is from where it should be, m, by poses that are sent after this call."""
@@ -369,7 +369,7 @@ def malformed_shots() -> list[WrenchStamped]:
 
 def positions_after_break() -> NDArray[np.float64]:
     """(N, 2) m, where the engine's own run ends."""
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.strike(FORCE, OFFSET)
     simulation.run()
     return simulation.positions
@@ -534,7 +534,7 @@ def run_flood(given: argparse.Namespace) -> dict[str, Any]:
 
 def run_kill(given: argparse.Namespace) -> dict[str, Any]:
     """Kill the table while a client waits for the answer to a shot, or while balls move, and start it again."""
-    start, end = bs.scenes.eight_ball().positions, positions_after_break()
+    start, end = bs.scenes.rack().positions, positions_after_break()
     shot = wrench_from_shot(FORCE, OFFSET)
     waits: list[float] = []  # s
     waits_of_new: list[float] = []
@@ -626,7 +626,7 @@ def watch_breaks(count: int) -> dict[str, Any]:
         times.append(watcher.verdicts[-1]["time"])
     watcher.look_until(lambda: watcher.events[-1]["kind"] == "rest")
     for force, time_of_shot in zip(forces, times, strict=True):
-        simulation = bs.Simulation(bs.scenes.eight_ball())
+        simulation = bs.Simulation(bs.scenes.rack())
         simulation.advance(time_of_shot)
         simulation.strike(force, OFFSET)
         expected += len(simulation.run())

@@ -20,7 +20,7 @@ SHOT = wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0))
 
 @pytest.fixture(scope="module")
 def player(shared_site: Site) -> Client:
-    shared_site.table("scene:=eight_ball")
+    shared_site.table("scene:=rack")
     return shared_site.client()
 
 
@@ -50,7 +50,7 @@ def test_a_paused_table_stands_still_and_goes_step_by_step(player: Client) -> No
     assert shot["accepted"]
     start = player.fresh_poses()
     assert stamp_ns(player.fresh_poses(5)[-1].header.stamp) == stamp_ns(start[0].header.stamp)
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(shot["time"])
     simulation.strike((80.0, 0.0, 0.0))
     for _ in range(3):
@@ -72,7 +72,7 @@ def test_a_new_scene_comes_with_the_reset_and_leaves_nothing_of_the_old(site: Si
     path = tmp_path / "two.yaml"
     wide = bs.Table(length=2.54, width=1.27)
     bs.save_scene(bs.Scene([[0.5, 0.5], [2.3, 1.2]], names=("cue", "red"), table=wide), path)
-    site.table("scene:=eight_ball")
+    site.table("scene:=rack")
     client = site.client()
     client.spin_until(lambda: client.markers)
     refused = client.set_parameters(scene=str(tmp_path / "three.yaml"))[0]
@@ -132,7 +132,7 @@ def test_a_wpa_table_stands_in_a_namespace_with_its_rack_on_the_foot_spot(
 @pytest.mark.parametrize("name", ["snooker_12ft", "carom_10ft"])
 def test_a_table_of_another_game_takes_shots_up_to_its_miscue_limit(site: Site, name: str) -> None:
     path = str(Path(__file__).parents[2] / "config" / f"{name}.yaml")
-    site.process("table", "--ros-args", "--params-file", path, "-p", "scene:=eight_ball").wait_for("ready: ")
+    site.process("table", "--ros-args", "--params-file", path, "-p", "scene:=rack").wait_for("ready: ")
     client = site.client()
     assert client.get_parameters("physics.preset") == [name.partition("_")[0]]
     (radius,) = client.get_parameters("physics.radius")
@@ -145,15 +145,15 @@ def test_a_table_of_another_game_takes_shots_up_to_its_miscue_limit(site: Site, 
 
 
 def test_two_tables_in_namespaces_do_not_hear_each_other(site: Site) -> None:
-    site.table("scene:=eight_ball", remap="__ns:=/left")
-    site.table("scene:=eight_ball", remap="__ns:=/right")
+    site.table("scene:=rack", remap="__ns:=/left")
+    site.table("scene:=rack", remap="__ns:=/right")
     left, right = site.client(namespace="left"), site.client(namespace="right")
     assert left.set_parameters(**{"physics.mass": 0.2})[0].successful
     assert right.get_parameters("physics.mass") == [0.16]
     assert left.shoot(SHOT)["accepted"]
     left.spin_until(lambda: any(one["kind"] == "ball_ball" for one in left.collisions))
     first = right.next_poses(5)[-1]
-    assert positions(first) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    assert positions(first) == [tuple(row) for row in bs.scenes.rack().positions.tolist()]
     assert (right.results, right.collisions, right.at_rest) == ([], [], [True])
     assert right.shoot(SHOT)["accepted"]  # nor does the ball that moves there matter here
     right.spin_until(lambda: right.collisions and len(right.at_rest) > 1)

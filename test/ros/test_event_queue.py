@@ -70,7 +70,7 @@ def test_a_flood_in_one_tick_leaves_the_last_events(queue: EventQueue) -> None:
 
 
 def test_events_of_the_engine_are_cut_as_lists_are() -> None:
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.strike((125.0, 6.0, 0.0))
     events = simulation.run()
     queue = EventQueue()

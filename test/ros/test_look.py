@@ -91,7 +91,7 @@ def test_balls_that_rest_are_looked_at_once_and_sent_every_tick(
 
 def test_what_happens_is_seen_in_the_next_message(table: TableNode) -> None:
     ears = listen(table)
-    start = [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    start = [tuple(row) for row in bs.scenes.rack().positions.tolist()]
     table.advance(0.01)
     assert places(*ears) == start
     play(table)

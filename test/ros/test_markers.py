@@ -216,7 +216,7 @@ def test_a_trail_turns_where_the_ball_hit_something() -> None:
 
 
 def test_a_trail_of_a_break_lies_on_the_path_of_its_ball() -> None:
-    scene = bs.scenes.eight_ball()
+    scene = bs.scenes.rack()
     simulation = bs.Simulation(scene)
     simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
     run = bs.record(simulation, until=0.6)
@@ -273,7 +273,7 @@ def test_a_line_of_no_length_has_no_dashes() -> None:
 
 
 def test_what_is_sent_of_a_break_arrives_as_it_is() -> None:
-    scene = bs.scenes.eight_ball()
+    scene = bs.scenes.rack()
     simulation = bs.Simulation(scene)
     simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
     balls = markers.BallMarkers(scene.names, scene.physics.radius, 30.0, "table")

@@ -30,7 +30,7 @@ def scene_file(directory: Path) -> str:
 
 def test_without_parameters_the_defaults_hold() -> None:
     settings = parameters.read_settings({})
-    assert settings.scene_name == "eight_ball"
+    assert settings.scene_name == "rack"
     assert (settings.update_rate, settings.real_time_factor, settings.marker_rate) == (100.0, 1.0, 30.0)
     assert (settings.scene.physics, settings.scene.table) == (bs.Physics(), bs.Table())
 
@@ -77,7 +77,7 @@ BAD = [
     ({"scene": 3}, "'scene' must be a string"),
     ({"scene": "nine_ball"}, "neither a file nor one of head_on"),
     ({"scene": "/nowhere/scene.yaml"}, "neither a file nor one of head_on"),
-    ({"table.length": 0.5}, "scene 'eight_ball' does not fit these physics and table parameters: ball"),
+    ({"table.length": 0.5}, "scene 'rack' does not fit these physics and table parameters: ball"),
     ({"physics.radius": 0.6}, "balls of radius 0.6 m do not fit on a table 1.17 m wide"),
 ]
 
@@ -116,7 +116,7 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     given = document["/**"]["ros__parameters"]
     names = (*parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS)
     presets = {"physics": {"preset": ""}, "table": {}}
-    assert given == {name: getattr(defaults, name) for name in names} | {"scene": "eight_ball"}
+    assert given == {name: getattr(defaults, name) for name in names} | {"scene": "rack"}
     whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )?\w+:)", "    ", text))["/**"]["ros__parameters"]
     for group, owner in parameters.GROUPS.items():
         assert whole[group] == presets[group] | {field: getattr(owner(), field) for field in quantities(owner)}
@@ -378,7 +378,7 @@ def test_nothing_changes_while_balls_move(table: TableNode) -> None:
         reason = change(table, **changes)
         name = next(iter(changes)).replace("__", ".")
         assert reason == f"every ball must rest before a change of {name}: ball 'cue' moves at 5 m/s"
-    assert change(table, physics__mass=0.16, update_rate=100.0, scene="eight_ball") == ""  # as they are
+    assert change(table, physics__mass=0.16, update_rate=100.0, scene="rack") == ""  # as they are
 
 
 def test_a_dump_of_all_parameters_can_be_loaded(table: TableNode) -> None:
@@ -400,7 +400,7 @@ def test_a_new_scene_with_its_table_and_balls_waits_for_the_reset(table: TableNo
     assert shown == table.settings.values()
     assert (shown["table.length"], shown["physics.mass"]) == (2.54, 0.17)
     assert shown["physics.sliding_friction"] == 0.3  # given, so it holds for every scene
-    assert change(table, scene="eight_ball") == ""
+    assert change(table, scene="rack") == ""
     table.reset()
     assert (table.get_parameter("table.length").value, len(table.simulation.positions)) == (2.34, 16)
 
@@ -481,7 +481,7 @@ def test_a_scene_that_does_not_fit_the_given_table_is_refused(
     node = make_node("table.width:=0.45")
     node.start()
     assert "does not fit these physics and table parameters" in change(node, scene=scene_file(tmp_path))
-    assert node.get_parameter("scene").value == "eight_ball"
+    assert node.get_parameter("scene").value == "rack"
 
 
 @pytest.mark.parametrize("group", ["physics", "table"])

@@ -85,15 +85,15 @@ def test_a_ball_in_a_rail_comes_out_and_pushes_its_neighbour() -> None:
 
 
 def test_a_noisy_rack_becomes_a_scene() -> None:
-    rack = bs.scenes.eight_ball(0.0)
+    rack = bs.scenes.rack(0.0)
     noise = np.random.default_rng(1).uniform(-0.0007, 0.0007, rack.positions.shape)
     bs.Scene(placed(poses(rack.positions + noise), rack, TOLERANCE))  # which checks overlaps and rails
 
 
 def test_what_a_camera_saw_becomes_the_table(site: Site) -> None:
-    site.table("scene:=eight_ball", "real_time_factor:=5.0")
+    site.table("scene:=rack", "real_time_factor:=5.0")
     client = site.client()
-    scene = bs.scenes.eight_ball()
+    scene = bs.scenes.rack()
     seen = np.array([(0.3 + 0.2 * column, 0.3 + 0.2 * row) for row in range(4) for column in range(4)])
     seen[1] = seen[0] + (2.0 * RADIUS - 0.0015, 0.0)
     short = poses(seen[:3])
@@ -172,9 +172,9 @@ def test_a_bad_message_of_names_is_refused_with_figure_and_bound(case: str) -> N
 
 
 def test_a_camera_that_misses_balls_takes_them_off_the_table(site: Site) -> None:
-    site.table("scene:=eight_ball", "real_time_factor:=5.0")
+    site.table("scene:=rack", "real_time_factor:=5.0")
     client = site.client()
-    start = bs.scenes.eight_ball()
+    start = bs.scenes.rack()
     seen = {"3": (0.3, 0.3), "cue": (1.0, 0.6), "9": (1.5, 0.6)}
     verdict = client.set_balls(states({**seen, "Z": (1.0, 1.0)}))
     assert (verdict["accepted"], verdict["reason"][:24]) == (False, "no ball is named 'Z'; th")

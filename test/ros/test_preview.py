@@ -21,7 +21,7 @@ RADIUS = bs.Physics().radius
 
 
 def table(**changes: float) -> bs.Simulation:
-    simulation = bs.Simulation(bs.scenes.eight_ball(physics=bs.Physics(**changes)))
+    simulation = bs.Simulation(bs.scenes.rack(physics=bs.Physics(**changes)))
     simulation.advance(1.5)
     return simulation
 
@@ -190,7 +190,7 @@ def test_markers_draw_paths_contacts_and_final_positions() -> None:
 
 
 def test_the_table_answers_within_one_tick_and_then_plays_what_it_said(site: Site) -> None:
-    site.table("scene:=eight_ball", "update_rate:=2", "real_time_factor:=2.0")
+    site.table("scene:=rack", "update_rate:=2", "real_time_factor:=2.0")
     client = site.client()
     message = wrench_from_shot(BREAK.force, BREAK.offset)
     message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
@@ -205,7 +205,7 @@ def test_the_table_answers_within_one_tick_and_then_plays_what_it_said(site: Sit
         "preview_contacts",
         "preview_balls",
     }
-    assert positions(client.fresh_poses()[0]) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    assert positions(client.fresh_poses()[0]) == [tuple(row) for row in bs.scenes.rack().positions.tolist()]
     assert (client.collisions, client.results, client.at_rest) == ([], [], [True])
 
     off = client.preview(wrench_from_shot((80.0, 0.0, 0.0), (0.03, 0.0)))
@@ -232,7 +232,7 @@ WAITS = {0.0: (100.0, 1.0, 0), 0.1: (100.0, 10.0, 1), 1e3: (1.0, 1000.0, 1), 1e6
 
 
 def test_a_shot_has_the_same_bits_as_its_preview_and_at_any_time_of_the_table(site: Site) -> None:
-    site.table("scene:=eight_ball")
+    site.table("scene:=rack")
     client = site.client()
     message = wrench_from_shot(BREAK.force, BREAK.offset)
     ends, events = [], []

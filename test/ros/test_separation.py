@@ -94,7 +94,7 @@ def test_a_full_table_corner_of_rows_spreads_from_the_corner() -> None:
     assert apart(LOW + 0.98 * squares) == pytest.approx(LOW + squares, abs=1e-9)
 
 
-RACK = bs.scenes.eight_ball(0.0).positions
+RACK = bs.scenes.rack(0.0).positions
 NOISY = {
     "rack": RACK,
     "rack in a corner": RACK - RACK.min(axis=0) + LOW,

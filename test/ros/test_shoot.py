@@ -160,7 +160,7 @@ def test_watching_ends_when_somebody_resets_the_table(client: Client, shared_sit
     client.reset()
     assert shoot.wait() == 0, shoot.stderr
     client.spin_until(lambda: client.at_rest[-1])
-    assert positions(client.fresh_poses()[-1])[1] == tuple(bs.scenes.eight_ball().positions[1].tolist())
+    assert positions(client.fresh_poses()[-1])[1] == tuple(bs.scenes.rack().positions[1].tolist())
 
 
 def test_watching_ends_when_the_table_takes_the_next_shot(site: Site) -> None:

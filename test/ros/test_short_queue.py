@@ -41,13 +41,13 @@ def test_no_event_of_a_break_is_missed_and_each_state_is_whole(site: Site, watch
         assert steps < 200
     watcher.look()
 
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(time)
     simulation.strike(FORCE, OFFSET)
     events = simulation.run()
     assert [(event["kind"], event["balls"]) for event in watcher.events] == [(e.kind, list(e.balls)) for e in events]
     assert watcher.sequence == list(range(1, 1 + len(watcher.collisions)))
     assert max(len(message["events"]) for message in watcher.collisions) > DEPTH  # of one tick
-    names = list(bs.scenes.eight_ball().names)
+    names = list(bs.scenes.rack().names)
     assert all(message.joint_names == names and len(message.twist) == 16 for message in watcher.states)
     assert any(twist.linear.x != 0.0 for message in watcher.states for twist in message.twist)

@@ -25,14 +25,14 @@ BREAK = ("--force", "125", "6", "--offset", "0.004", "-0.002")
 
 def engine_break(start: float) -> tuple[bs.Simulation, list[bs.Event]]:
     """The engine's own run of BREAK, struck at a time, to rest."""
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(start)
     simulation.strike((125.0, 6.0, 0.0), (0.004, -0.002))
     return simulation, list(simulation.run())
 
 
 def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> None:
-    site.table("scene:=eight_ball", "real_time_factor:=5.0")
+    site.table("scene:=rack", "real_time_factor:=5.0")
     client = site.client()
     shoot = site.process("shoot", *BREAK)
     assert shoot.wait() == 0, shoot.stderr
@@ -96,7 +96,7 @@ def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> N
 @pytest.fixture(scope="module")
 def idle(shared_site: Site) -> Client:
     """A client at a table where no shot has been accepted."""
-    shared_site.table("scene:=eight_ball")
+    shared_site.table("scene:=rack")
     return shared_site.client()
 
 
@@ -126,13 +126,13 @@ def test_a_bad_shot_is_refused_and_leaves_the_table_untouched(idle: Client, case
     result = idle.shoot(message)
     assert (result["accepted"], result["request"]) == (False, {"sec": 12, "nanosec": 34})
     assert reason in result["reason"]
-    assert positions(idle.next_poses()[0]) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    assert positions(idle.next_poses()[0]) == [tuple(row) for row in bs.scenes.rack().positions.tolist()]
     assert idle.at_rest == [True]
     assert idle.collisions == []
 
 
 def test_twists_of_resting_balls_come_once_a_second(idle: Client) -> None:
-    names = list(bs.scenes.eight_ball().names)
+    names = list(bs.scenes.rack().names)
     idle.fresh_poses()
     before, began = len(idle.twists), len(idle.poses)
     idle.spin_until(lambda: len(idle.poses) >= began + 200)  # ticks of 2 s
@@ -143,7 +143,7 @@ def test_twists_of_resting_balls_come_once_a_second(idle: Client) -> None:
 
 def test_states_name_every_ball_and_say_where_it_is(idle: Client) -> None:
     idle.spin_until(lambda: idle.states)
-    message, scene = idle.states[-1], bs.scenes.eight_ball()
+    message, scene = idle.states[-1], bs.scenes.rack()
     assert message.joint_names == list(scene.names)
     found = [(one.translation.x, one.translation.y, one.translation.z) for one in message.transforms]
     assert found == [(x, y, scene.physics.radius) for x, y in scene.positions.tolist()]
@@ -172,8 +172,8 @@ def longest_piece_of_a_trail(client: Client) -> float:
 
 
 def test_reset_brings_the_scene_back_while_balls_move(site: Site) -> None:
-    start = [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
-    site.table("scene:=eight_ball")
+    start = [tuple(row) for row in bs.scenes.rack().positions.tolist()]
+    site.table("scene:=rack")
     client = site.client()
     assert client.shoot(wrench())["accepted"]
     client.spin_until(lambda: any(c["kind"] == "ball_ball" for c in client.collisions))
@@ -234,13 +234,13 @@ table_node.main(sys.argv[1:])
 
 def test_a_stall_puts_the_table_back_and_names_the_file_that_shows_it(site: Site) -> None:
     # With a budget of five steps the burst of impacts in a rack counts as a stall.
-    table = site.process("--ros-args", "-p", "scene:=eight_ball", command=[sys.executable, "-c", IMPATIENT_TABLE])
+    table = site.process("--ros-args", "-p", "scene:=rack", command=[sys.executable, "-c", IMPATIENT_TABLE])
     table.wait_for("ready: ")
     client = site.client()
     assert client.shoot(wrench())["accepted"]
     table.wait_for("the table goes back to the start of its scene: no progress")
     client.spin_until(lambda: client.at_rest == [True, False, True])
-    assert positions(client.next_poses()[0]) == [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    assert positions(client.next_poses()[0]) == [tuple(row) for row in bs.scenes.rack().positions.tolist()]
     path = re.search(r"(\S+\.yaml) reproduces it", table.stderr)
     assert path is not None
     scene = bs.load_scene(path[1])

@@ -174,7 +174,7 @@ def test_twists_of_resting_balls_come_again_once_a_second_in_turns(
     assert table.set_parameters_atomically([rclpy.Parameter("update_rate", value=update_rate)]).successful
     ears = Ears()
     monkeypatch.setattr(table._publisher, "_twists_publisher", ears)
-    names = list(bs.scenes.eight_ball().names)
+    names = list(bs.scenes.rack().names)
     table.advance(0.01)
     assert ears.names == names  # of a new table
     ticks = max(round(update_rate), 1)

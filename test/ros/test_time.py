@@ -243,7 +243,7 @@ def test_a_table_follows_a_clock_of_others(site: Site, client: Client) -> None:
     # A shot, in steps that are not the table's own: the stamps are the clock's, to the rounding of seconds.
     time = client.shoot(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))["time"]
     assert time == pytest.approx(5.02, abs=1e-9)
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(time)
     simulation.strike((80.0, 0.0, 0.0))
     for step in (12 * MS, 30 * MS, 118 * MS):
@@ -268,12 +268,12 @@ def test_a_clock_that_jumps_back_puts_the_table_back(site: Site, client: Client)
     for _ in range(5):
         now += 100 * MS
         simulator.show_and_wait(now)
-    start = [tuple(row) for row in bs.scenes.eight_ball().positions.tolist()]
+    start = [tuple(row) for row in bs.scenes.rack().positions.tolist()]
     assert positions(client.poses[-1]) != start
     message = simulator.show_and_wait(3 * SECOND)
     assert stamp_ns(message.header.stamp) == 3 * SECOND
     assert positions(message) == start
-    table.wait_for("the clock went back by 997.5 s, to 3 s: 16 balls back at the start of scene eight_ball")
+    table.wait_for("the clock went back by 997.5 s, to 3 s: 16 balls back at the start of scene rack")
     client.spin_until(lambda: client.at_rest == [True, False, True])
     assert client.shoot(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))["accepted"]
     assert stamp_ns(simulator.show_and_wait(3 * SECOND + 20 * MS).header.stamp) == pytest.approx(3_020 * MS, abs=2)
@@ -283,7 +283,7 @@ def test_the_factor_counts_from_the_clock_that_is_followed(site: Site, client: C
     _, simulator = follow(site, client, "real_time_factor:=4.0")
     assert client.shoot(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))["accepted"]
     now = 1_000 * SECOND
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.strike((80.0, 0.0, 0.0))
     for _ in range(3):
         now += 20 * MS

@@ -84,7 +84,7 @@ def test_truth_of_the_built_in_scenes_starts_where_they_do() -> None:
         built_in = bs.scenes.BUILT_IN[name]()
         assert np.array_equal(truths()[name].scene.positions, built_in.positions)
         assert np.array_equal(truths()[name].scene.velocities, built_in.velocities)
-    rack = bs.Simulation(bs.scenes.eight_ball())
+    rack = bs.Simulation(bs.scenes.rack())
     rack.strike((128.0, 3.8, 0.0))
     start = truths()["break"].scene
     np.testing.assert_allclose(start.positions, rack.positions, rtol=0, atol=1e-15)

@@ -29,7 +29,7 @@ balls:
   - {name: "2", position: [1.2, 0.61]}
 """
 
-BREAK = ("eight_ball", "--force", "128", "1.5")
+BREAK = ("rack", "--force", "128", "1.5")
 
 DRAW_SHOT = """
 balls:
@@ -50,7 +50,7 @@ balls: [{name: cue, position: [0.079376, 0.5], angular_velocity: [0, -100, 0]}]
 
 
 def break_to_rest() -> tuple[bs.Simulation, list[bs.Event]]:
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.strike((128.0, 1.5, 0.0))
     return simulation, list(simulation.run())
 
@@ -96,7 +96,7 @@ def test_json_reads_back_as_the_engines_result_to_the_bit(tmp_path: Path) -> Non
     simulation, events = break_to_rest()
     assert len(events) > 100
     assert_is_state_of(document, simulation, events)
-    assert (document["scene"], document["solver"]) == ("eight_ball", "event")
+    assert (document["scene"], document["solver"]) == ("rack", "event")
     assert 0.0 < document["wall_seconds"] < 10.0
     assert [*document] == [
         *("scene", "solver", "time", "names", "positions", "velocities", "angular_velocities", "events"),
@@ -118,7 +118,7 @@ def test_json_of_a_stepped_solver_is_its_result_whatever_else_is_written(tmp_pat
 
 def test_until_ends_a_run_at_that_time(tmp_path: Path) -> None:
     document = written_json(tmp_path, *BREAK, "--until", "0.3")
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.strike((128.0, 1.5, 0.0))
     events = simulation.run(until=0.3)
     assert document["time"] == 0.3
@@ -173,7 +173,7 @@ def test_csv_is_the_engines_state_every_hundredth_of_a_second_to_the_bit(tmp_pat
     assert times[-1] == end.time
     assert times[:-1] == pytest.approx([0.01 * index for index in range(len(times) - 1)], abs=1e-12)
     assert 0.0 < times[-1] - times[-2] <= 0.01
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.strike((128.0, 1.5, 0.0))
     for index, time in enumerate(times):
         simulation.run(until=time)
@@ -258,8 +258,8 @@ def test_a_ball_that_spins_where_it_lies_is_played_until_it_has_ended(
 
 def test_a_raised_butt_is_played(tmp_path: Path) -> None:
     words = ("--speed", "2", "--angle", "30deg", "--side", "0.3", "--up", "-0.2", "--elevation", "35deg")
-    document = written_json(tmp_path, "eight_ball", *words, "--until", "0.3")
-    simulation = bs.Simulation(bs.scenes.eight_ball())
+    document = written_json(tmp_path, "rack", *words, "--until", "0.3")
+    simulation = bs.Simulation(bs.scenes.rack())
     simulation.shoot(2.0, math.radians(30.0), side=0.3, up=-0.2, elevation=math.radians(35.0))
     assert_is_state_of(document, simulation, simulation.run(until=0.3))
     vx, vy = document["velocities"][0]
@@ -277,7 +277,7 @@ def test_a_stepped_solver_refuses_physics_that_it_does_not_have(
 
 
 def test_a_scene_where_nothing_moves_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    assert simulate.main(["eight_ball"]) == 0
+    assert simulate.main(["rack"]) == 0
     assert "nothing moved: the scene has no shot" in capsys.readouterr().out
 
 
@@ -332,7 +332,7 @@ def test_a_picture_is_that_of_the_balls_in_play(tmp_path: Path) -> None:
 
 
 REFUSED = [
-    (("nine_ball",), "'nine_ball'", "eight_ball"),
+    (("nine_ball",), "'nine_ball'", "rack"),
     (("{tmp}",), "{tmp}"),
     (("{tmp}/broken.yaml",), "broken.yaml", "not YAML"),
     (("{tmp}/binary.yaml",), "binary.yaml"),
@@ -360,13 +360,13 @@ REFUSED = [
     (("{tmp}/pipe",), "pipe", "not a regular file"),
     (("{tmp}/surrogate.yaml",), "surrogate.yaml: "),
     (("head_on", "--force", "80", "0"), "'cue'", "must rest"),
-    (("eight_ball", "--force", "0", "0"), "force"),
-    (("eight_ball", "--force", "nan", "0"), "force"),
-    (("eight_ball", "--force", "80", "0", "--offset", "0.03", "0"), "offset"),
-    (("eight_ball", "--offset", "0", "0"), "--offset", "--force"),
-    (("eight_ball", "--speed", "3"), "--speed", "--angle"),
-    (("eight_ball", "--speed", "3", "--angle", "1deg", "--force", "1", "0"), "--speed", "--force"),
-    (("eight_ball", "--speed", "1e9", "--angle", "1deg"), "speed must be", "1e+09"),
+    (("rack", "--force", "0", "0"), "force"),
+    (("rack", "--force", "nan", "0"), "force"),
+    (("rack", "--force", "80", "0", "--offset", "0.03", "0"), "offset"),
+    (("rack", "--offset", "0", "0"), "--offset", "--force"),
+    (("rack", "--speed", "3"), "--speed", "--angle"),
+    (("rack", "--speed", "3", "--angle", "1deg", "--force", "1", "0"), "--speed", "--force"),
+    (("rack", "--speed", "1e9", "--angle", "1deg"), "speed must be", "1e+09"),
     (("head_on", "--speed", "3", "--angle", "1deg"), "'cue'", "must rest"),
     (("head_on", "--json", "{tmp}"), "--json", "directory"),
     (("head_on", "--csv", "{tmp}/nowhere/out.csv"), "--csv", "nowhere"),

@@ -106,7 +106,7 @@ def test_time_step_solver_comes_to_rest_where_the_engine_does() -> None:
 
 
 def test_time_step_solver_gets_a_break_right() -> None:
-    exact, solver = bs.Simulation(bs.scenes.eight_ball()), TimeStepSolver(bs.scenes.eight_ball(), 0.001)
+    exact, solver = bs.Simulation(bs.scenes.rack()), TimeStepSolver(bs.scenes.rack(), 0.001)
     for each in (exact, solver):
         each.strike((128.0, 1.5, 0.0))
         each.run(until=1.0)

@@ -99,7 +99,7 @@ def _play(timeout: float, signals: Sequence[int]) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(spectator)
     say(f"demo: starting a table with an eight-ball rack, ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}")
-    with Child("table", "--ros-args", "-p", "scene:=eight_ball") as table:
+    with Child("table", "--ros-args", "-p", "scene:=rack") as table:
 
         def watch(done: Callable[[], bool], missing: str, shooter: Child | None = None) -> None:
             while not done():

@@ -197,7 +197,7 @@ def main(arguments: list[str]) -> int:
     def play() -> int:
         options = parser.parse_args(arguments)
         isolate(os.environ)
-        given = ["scene:=eight_ball", f"update_rate:={options.rate}"]
+        given = ["scene:=rack", f"update_rate:={options.rate}"]
         if not options.breaks:
             given.append("physics.rolling_friction:=0.0")
         _measure(options, [part for parameter in given for part in ("-p", parameter)])

@@ -174,7 +174,7 @@ def write_picture(path: Path, settings: Mapping[str, Any], size: tuple[int, int]
         size: pixels of RViz's own view.
         zoom: pixels of the picture in one of those.
     """
-    scene = scenes.eight_ball()
+    scene = scenes.rack()
     broken = _struck(scene, BREAK)
     broken.run()
     at_rest = dataclasses.replace(scene, positions=broken.positions)
