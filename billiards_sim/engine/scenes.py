@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The built-in scenes: the paper's three and an eight-ball rack."""
+"""The built-in scenes: the paper's three, a rack on its table, and games on tables of their own."""
 
 from __future__ import annotations
 
@@ -12,11 +12,35 @@ from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import PAPER_PHYSICS, PAPER_TABLE, Scene
 from billiards_sim.engine.table import Table
 
+POOL_TABLE = Table.pool_9ft()
+POOL_PHYSICS = Physics.pool()
+SNOOKER_TABLE = Table.snooker_12ft()
+SNOOKER_PHYSICS = Physics.snooker()
+CAROM_TABLE = Table.carom_10ft()
+CAROM_PHYSICS = Physics.carom()
+
 RACK_GAP = 1e-4
 """m. Default distance between neighbours in a rack: what a well set wooden triangle leaves."""
 
-EIGHT_BALL_ROWS = ((1,), (9, 2), (10, 8, 3), (11, 4, 12, 5), (6, 13, 7, 14, 15))
-"""Ball numbers from the apex back, low y first: the 8 in the middle, a solid and a stripe in the back corners."""
+GRID = 2.0**-50
+"""m. Offsets from the long axis are whole multiples of it, so that racks are mirror-symmetric to the last bit."""
+
+Rows = tuple[tuple[int, ...], ...]
+
+EIGHT_BALL_ROWS: Rows = ((1,), (9, 2), (10, 8, 3), (11, 4, 12, 5), (6, 13, 7, 14, 15))
+NINE_BALL_ROWS: Rows = ((1,), (2, 3), (4, 9, 5), (6, 7), (8,))
+TEN_BALL_ROWS: Rows = ((1,), (4, 5), (6, 10, 7), (2, 8, 9, 3))
+STRAIGHT_POOL_ROWS: Rows = ((1,), (2, 3), (4, 5, 6), (7, 8, 9, 10), (11, 12, 13, 14, 15))
+SNOOKER_ROWS: Rows = STRAIGHT_POOL_ROWS
+"""Ball numbers from the apex back, low y first."""
+
+BAULK_LINE = 0.737
+D_RADIUS = 0.292
+BLACK_SPOT = 0.324
+"""m. Of a snooker table: baulk line from the bottom cushion, the D, the black's spot from the top cushion (WPBSA)."""
+
+START_SPOT = 0.1825
+"""m. Of a carom table: from the head spot to those beside it (UMB)."""
 
 
 def head_on(*, table: Table = PAPER_TABLE, physics: Physics = PAPER_PHYSICS) -> Scene:
@@ -90,17 +114,163 @@ def rack(gap: float = RACK_GAP, *, table: Table = PAPER_TABLE, physics: Physics 
     Raises:
         ValueError: `gap` is negative, not finite, or so large that the rack does not fit.
     """
-    if not (isinstance(gap, (int, float)) and 0.0 <= gap < math.inf):
-        raise ValueError(f"gap must be a finite number >= 0 (m), got {gap!r}")
-    grid = 2.0**-50
-    pitch = 2.0 * physics.radius + gap
-    foot_x, axis_y = table.foot_spot
-    positions = [table.head_spot] + [(0.0, 0.0)] * 15
-    for row, numbers in enumerate(EIGHT_BALL_ROWS):
-        for place, number in enumerate(numbers):
-            aside = round((place - 0.5 * row) * pitch / grid)
-            positions[number] = (foot_x + row * math.sqrt(0.75) * pitch, axis_y + aside * grid)
+    balls = _racked(EIGHT_BALL_ROWS, table.foot_spot, gap, 0.0, 0, physics)
+    positions = [table.head_spot] + [balls[number] for number in sorted(balls)]
     return Scene(positions, table=table, physics=physics, name="rack")
+
+
+def eight_ball(
+    gap: float = RACK_GAP,
+    looseness: float = 0.0,
+    seed: int = 1,
+    *,
+    table: Table = POOL_TABLE,
+    physics: Physics = POOL_PHYSICS,
+) -> Scene:
+    """Eight-ball: 15 balls in a triangle on the foot spot, and the cue ball behind the head string.
+
+    Args:
+        gap: m between neighbouring balls of the rack, >= 0; 0 racks them touching.
+        looseness: m, how much wider gaps are on the average; each ball lies anywhere within half of it around its
+            place, so that no gap is narrower than `gap`.
+        seed: of the random numbers for that.
+        table, physics: default to a 9 ft pool table and pool.
+
+    WPA, "Rules of play", eight ball: the 8 in the middle, a solid and a stripe in the back corners. The rest is as
+    people like it.
+
+    Raises:
+        ValueError: `gap` or `looseness` is negative, not finite, or so large that the rack does not fit.
+    """
+    return _pool("eight_ball", EIGHT_BALL_ROWS, gap, looseness, seed, table, physics)
+
+
+def nine_ball(
+    gap: float = RACK_GAP,
+    looseness: float = 0.0,
+    seed: int = 1,
+    *,
+    table: Table = POOL_TABLE,
+    physics: Physics = POOL_PHYSICS,
+) -> Scene:
+    """Nine-ball: 9 balls in a diamond, the 1 on the foot spot, the 9 in the middle (WPA), else as `eight_ball`."""
+    return _pool("nine_ball", NINE_BALL_ROWS, gap, looseness, seed, table, physics)
+
+
+def ten_ball(
+    gap: float = RACK_GAP,
+    looseness: float = 0.0,
+    seed: int = 1,
+    *,
+    table: Table = POOL_TABLE,
+    physics: Physics = POOL_PHYSICS,
+) -> Scene:
+    """Ten-ball: 10 balls in a triangle, the 1 on the foot spot, the 10 in the middle (WPA), else as `eight_ball`."""
+    return _pool("ten_ball", TEN_BALL_ROWS, gap, looseness, seed, table, physics)
+
+
+def straight_pool(
+    gap: float = RACK_GAP,
+    looseness: float = 0.0,
+    seed: int = 1,
+    *,
+    table: Table = POOL_TABLE,
+    physics: Physics = POOL_PHYSICS,
+) -> Scene:
+    """14.1: 15 balls in a triangle on the foot spot, as they come (WPA), else as `eight_ball`."""
+    return _pool("straight_pool", STRAIGHT_POOL_ROWS, gap, looseness, seed, table, physics)
+
+
+def snooker(
+    gap: float = RACK_GAP,
+    looseness: float = 0.0,
+    seed: int = 1,
+    *,
+    table: Table = SNOOKER_TABLE,
+    physics: Physics = SNOOKER_PHYSICS,
+) -> Scene:
+    """Snooker: 15 reds in a triangle behind the pink, the colours on their spots, the cue ball in the D.
+
+    Args:
+        gap: m between neighbouring reds, and between the first of them and the pink, > 0.
+        looseness, seed: of the reds, as in `eight_ball`.
+        table, physics: default to a 12 ft snooker table and snooker.
+
+    WPBSA, "Official rules": baulk line 29 in from the bottom cushion, here at low x; D of radius 11 1/2 in; black
+    12 3/4 in from the top cushion; blue in the middle, pink between it and the top cushion. Seen from the bottom,
+    yellow is on the right.
+
+    Raises:
+        ValueError: `gap` is not > 0, `looseness` is negative, or either is so large that the rack does not fit.
+    """
+    _check_length("gap", gap)
+    _check_length("looseness", looseness)
+    if gap == 0.0:
+        raise ValueError("gap must be > 0: the pink does not touch the reds")
+    (middle_x, middle_y), baulk_x = table.centre, table.x_min + BAULK_LINE
+    pink_x = 0.5 * (middle_x + table.x_max)
+    places = {
+        "cue": (baulk_x, middle_y - 0.5 * D_RADIUS),
+        "yellow": (baulk_x, middle_y - D_RADIUS),
+        "green": (baulk_x, middle_y + D_RADIUS),
+        "brown": (baulk_x, middle_y),
+        "blue": (middle_x, middle_y),
+        "pink": (pink_x, middle_y),
+        "black": (table.x_max - BLACK_SPOT, middle_y),
+    }
+    apex = (pink_x + 2.0 * physics.radius + gap + 0.5 * looseness, middle_y)
+    reds = _racked(SNOOKER_ROWS, apex, gap, looseness, seed, physics)
+    places |= {f"red{number}": place for number, place in sorted(reds.items())}
+    return Scene(list(places.values()), names=list(places), table=table, physics=physics, name="snooker")
+
+
+def three_cushion(*, table: Table = CAROM_TABLE, physics: Physics = CAROM_PHYSICS) -> Scene:
+    """Three-cushion billiards: `cue` (white), `yellow` and `red` as a game begins.
+
+    UMB, "World rules of carom billiard": the red on the foot spot, the opponent's ball on the head spot, one's own on
+    one of the two spots 18.25 cm beside it.
+
+    Raises:
+        ValueError: the table is too small.
+    """
+    head_x, middle_y = table.head_spot
+    places = [(head_x, middle_y - START_SPOT), table.head_spot, table.foot_spot]
+    names = ("cue", "yellow", "red")
+    return Scene(places, names=names, table=table, physics=physics, name="three_cushion")
+
+
+def _pool(name: str, rows: Rows, gap: float, looseness: float, seed: int, table: Table, physics: Physics) -> Scene:
+    # A rack on the foot spot, and the cue ball a diameter behind the head string.
+    balls = _racked(rows, table.foot_spot, gap, looseness, seed, physics)
+    head_x, middle_y = table.head_spot
+    positions = [(head_x - 2.0 * physics.radius, middle_y)] + [balls[number] for number in sorted(balls)]
+    return Scene(positions, table=table, physics=physics, name=name)
+
+
+def _racked(
+    rows: Rows, apex: tuple[float, float], gap: float, looseness: float, seed: int, physics: Physics
+) -> dict[int, tuple[float, float]]:
+    # (x, y) m of the balls of a rack, which points to lower x. Offsets from the long axis are whole multiples of a
+    # power of two: without looseness it is mirror-symmetric to the last bit.
+    _check_length("gap", gap)
+    _check_length("looseness", looseness)
+    random = np.random.default_rng(seed)
+    pitch = 2.0 * physics.radius + gap + looseness
+    found = {}
+    for row, numbers in enumerate(rows):
+        for place, number in enumerate(numbers):
+            aside = round((place - 0.5 * (len(numbers) - 1)) * pitch / GRID) * GRID
+            reach, turn = 0.5 * looseness * math.sqrt(random.random()), 2.0 * math.pi * random.random()
+            found[number] = (
+                apex[0] + row * math.sqrt(0.75) * pitch + reach * math.cos(turn),
+                apex[1] + aside + reach * math.sin(turn),
+            )
+    return found
+
+
+def _check_length(name: str, given: float) -> None:
+    if not (isinstance(given, (int, float)) and 0.0 <= given < math.inf):
+        raise ValueError(f"{name} must be a finite number >= 0 (m), got {given!r}")
 
 
 def _two_balls(name: str, cue_y: float, table: Table, physics: Physics) -> Scene:
@@ -113,5 +283,11 @@ BUILT_IN: dict[str, Callable[..., Scene]] = {
     "glancing": glancing,
     "random_balls": random_balls,
     "rack": rack,
+    "eight_ball": eight_ball,
+    "nine_ball": nine_ball,
+    "ten_ball": ten_ball,
+    "straight_pool": straight_pool,
+    "snooker": snooker,
+    "three_cushion": three_cushion,
 }
 """The built-in scenes by name; each takes `table` and `physics`."""

@@ -155,12 +155,13 @@ def test_rack_is_mirror_symmetric_to_the_last_bit() -> None:
 WPA_9FT = bs.Table(length=2.54, width=1.27, rail_thickness=0.127)
 
 
-@pytest.mark.parametrize("make", bs.scenes.BUILT_IN.values(), ids=bs.scenes.BUILT_IN)
-def test_built_in_scenes_are_laid_out_for_the_table_and_the_physics_given(make) -> None:
+@pytest.mark.parametrize("name, make", bs.scenes.BUILT_IN.items(), ids=bs.scenes.BUILT_IN)
+def test_built_in_scenes_are_laid_out_for_the_table_and_the_physics_given(name, make) -> None:
     physics = bs.Physics(mass=0.17, radius=0.03)
-    scene = make(table=WPA_9FT, physics=physics)
-    assert (scene.table, scene.physics) == (WPA_9FT, physics)
-    same = make(table=bs.Table(), physics=bs.Physics())
+    table = bs.Table(length=3.6, width=1.8, rail_thickness=0.127) if name == "snooker" else WPA_9FT
+    scene = make(table=table, physics=physics)
+    assert (scene.table, scene.physics) == (table, physics)
+    same = make(table=make().table, physics=make().physics)
     assert np.array_equal(same.positions, make().positions)
     assert np.array_equal(same.velocities, make().velocities)
 

@@ -69,7 +69,7 @@ BAD_STARTS = [
     ("table", "--ros-args", "-p", "update_rate:=fast"),
     ("table", "--ros-args", "-p", "physics.mass:=-1"),
     ("table", "--ros-args", "-p", "physics.rail_restitution:=1.5"),
-    ("table", "--ros-args", "-p", "scene:=nine_ball"),
+    ("table", "--ros-args", "-p", "scene:=cowboy_pool"),
     ("table", "--ros-args", "-p", "scene:=/nowhere/scene.yaml"),
     ("table", "--ros-args", "-p", "table.length:=0.5"),
     ("shoot",),
@@ -91,7 +91,7 @@ BAD_STARTS = [
     ("shoot", "--force", "80", "0", "--ros-args", "--no-such-flag"),
     ("demo", "--timeout", "soon"),
     ("demo", "now"),
-    ("simulate", "nine_ball"),
+    ("simulate", "cowboy_pool"),
     ("simulate", "head_on", "--solver", "euler"),
 ]
 

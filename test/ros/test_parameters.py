@@ -75,7 +75,7 @@ BAD = [
     ({"table.preset": "pool"}, "no parameter 'table.preset'; under 'table' there are length, "),
     ({"table.length": [1.0]}, "'table.length' must be a number"),
     ({"scene": 3}, "'scene' must be a string"),
-    ({"scene": "nine_ball"}, "neither a file nor one of head_on"),
+    ({"scene": "cowboy_pool"}, "neither a file nor one of head_on"),
     ({"scene": "/nowhere/scene.yaml"}, "neither a file nor one of head_on"),
     ({"table.length": 0.5}, "scene 'rack' does not fit these physics and table parameters: ball"),
     ({"physics.radius": 0.6}, "balls of radius 0.6 m do not fit on a table 1.17 m wide"),
@@ -350,7 +350,7 @@ REFUSED_CHANGES = [
     ({"update_rate": 5000}, "update_rate out of range"),
     ({"table__length": 2.54}, "'table.length' is fixed while the node runs, at 2.34 m; got 2.54"),
     ({"physics__radius": 0.03}, "'physics.radius' is fixed while the node runs, at 0.028575 m; got 0.03"),
-    ({"scene": "nine_ball"}, "'nine_ball' is neither a file nor one of head_on"),
+    ({"scene": "cowboy_pool"}, "'cowboy_pool' is neither a file nor one of head_on"),
     ({"scene": "/nowhere/scene.yaml"}, "'/nowhere/scene.yaml' is neither a file nor one of"),
     ({"use_sim_time": "yes"}, "Wrong parameter type"),
 ]

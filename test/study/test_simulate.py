@@ -332,7 +332,7 @@ def test_a_picture_is_that_of_the_balls_in_play(tmp_path: Path) -> None:
 
 
 REFUSED = [
-    (("nine_ball",), "'nine_ball'", "rack"),
+    (("cowboy_pool",), "'cowboy_pool'", "rack"),
     (("{tmp}",), "{tmp}"),
     (("{tmp}/broken.yaml",), "broken.yaml", "not YAML"),
     (("{tmp}/binary.yaml",), "binary.yaml"),
