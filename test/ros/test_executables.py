@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executables as processes: arguments, exit codes, signals."""
 
+import math
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ from conftest import Site
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 
+import billiards_sim as bs
 from billiards_sim.command_line import STOPPING
 from billiards_sim.ros.process import (
     FASTDDS_PROFILES,
@@ -221,7 +223,16 @@ def test_shoot_in_words_without_a_table_gives_up(site: Site) -> None:
     assert_one_line(shoot.stderr, "shoot: no table listens on /cue_shot within 0.5 s")
 
 
+def deepest_press(physics: bs.Physics, energy: float) -> float:
+    """How deep two balls can press each other with an energy, J: Hertz' elastic energy is 2/5 K d^(5/2); m."""
+    if physics.youngs_modulus == 0.0:
+        return 1e-9
+    modulus = physics.youngs_modulus / (2.0 * (1.0 - physics.poisson_ratio**2))
+    return (2.5 * energy / (4.0 / 3.0 * modulus * math.sqrt(physics.radius / 2.0))) ** 0.4
+
+
 def test_demo_breaks_a_rack(site: Site) -> None:
+    physics = bs.scenes.rack().physics
     demo = site.process("demo")
     assert demo.wait() == 0, demo.stderr
     assert "the cue hits ball cue with 1.28 N s" in demo.stdout
@@ -230,7 +241,7 @@ def test_demo_breaks_a_rack(site: Site) -> None:
     assert lines["balls"].split() == ["16"]
     assert int(lines["collisions"].split()[0]) >= 15
     assert 2.0 < float(lines["time to rest"].split()[0]) < 60.0
-    assert float(lines["largest overlap"].split()[0]) <= 1e-9
+    assert float(lines["largest overlap"].split()[0]) <= deepest_press(physics, 1.28**2 / (2.0 * physics.mass))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
