@@ -14,6 +14,9 @@ CONTACT_STEPS = 36.0
 DURATION_STEPS = 4000
 """Steps of the integration of a contact: its duration is then good to 1e-7."""
 
+LONGEST_DURATION = 8.0
+"""t_c v/d_max. With a restitution below 0.01 the end of a contact is a creep; it is over when it has lasted so long."""
+
 
 def stiffness_of(physics: Physics) -> float:
     """K/m, m^-1/2 s^-2: K = 4/3 E* sqrt(R/2), E* = E/(2 (1 - nu^2))."""
@@ -50,7 +53,9 @@ def duration_factor(restitution: float) -> float:
         a3 = acceleration(x + 0.5 * step * v + 0.25 * step * step * a1, v + 0.5 * step * a2)
         a4 = acceleration(x + step * v + 0.5 * step * step * a2, v + step * a3)
         new = x + step * v + step * step / 6.0 * (a1 + a2 + a3)
-        if new <= 0.0 or (v < 0.0 and time > 100.0 * deepest):
+        if new <= 0.0:
             return (time + step * x / (x - new)) / deepest
+        if time >= LONGEST_DURATION * deepest:
+            return LONGEST_DURATION
         x, v = new, v + step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
         time += step

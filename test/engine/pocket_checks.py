@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ class Outline:
     captures: dict[str, tuple[complex, float]]
 
 
+@cache
 def outline(table: bs.Table) -> Outline:
     result = Outline({}, {}, {})
     size = complex(table.length, table.width)

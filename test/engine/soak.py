@@ -2,6 +2,7 @@
 """Random scenes by the thousand, dense and touching ones among them, each checked against the laws until rest.
 
 python test/engine/soak.py [--scenes 10000] [--breaks 20000] [--rows 10000] [--provoking 100000]
+    [--shots 300000]
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from multiprocessing import Pool
 import numpy as np
 from checks import POOL_TABLE, Extremes, depth_at_every_instant, extremes, random_scene
 from numpy.typing import NDArray
+from pocket_checks import TABLES, corner_of, gap, outline, random_shot
 from provoke import frozen_row, provoking_scene
 
 import billiards_sim as bs
+from billiards_sim.engine.tables import column
 
 RADIUS = bs.Physics().radius
 TABLE = bs.Table()
@@ -184,12 +187,88 @@ def run_pool_effort(seed: int) -> Effort:
     return effort(*pool_break(seed // 2)) if seed % 2 else effort(pool_scene(seed // 2))
 
 
-Worst = Extremes | Depth | Effort
+@dataclass
+class Pocketed:
+    """The worst of a run on a table with pockets, where no elastic contact is in the middle of it."""
+
+    overlap: float
+    """m, of two balls"""
+    outside: float
+    """m, into rubber, or beyond the slate's cut without having fallen"""
+    energy_rise: float
+    """relative, from one look to the next"""
+    events: int
+    seconds: float
+    """s of the processor, without looks"""
+
+
+SPARSE_LOOKS = np.linspace(0.2, 2.0, 10)
+DENSE_LOOKS = np.concatenate((np.linspace(1e-3, 0.05, 50), SPARSE_LOOKS))
+"""s. When a run is looked at, and at its end."""
+
+
+def pocketed(
+    scene: bs.Scene, looks: NDArray[np.float64], prepare: Callable[[bs.Simulation], None] = lambda simulation: None
+) -> Pocketed:
+    """Play a scene to rest and look at it on the way."""
+    simulation, looked_at = bs.Simulation(scene), bs.Simulation(scene)
+    prepare(simulation)
+    prepare(looked_at)
+    began = time.process_time()
+    events = simulation.run()
+    took = time.process_time() - began
+    assert simulation.at_rest
+    radius, shape = scene.physics.radius, outline(scene.table)
+    worst = Pocketed(-math.inf, -math.inf, -math.inf, len(events), took)
+    energy = looked_at.kinetic_energy
+    for look in (*looks.tolist(), None):
+        looked_at.run(until=look)
+        if presses(looked_at) or not looked_at.in_play.any():
+            continue
+        places = looked_at.positions[looked_at.in_play] @ (1.0, 1j)
+        one, other = np.triu_indices(len(places), 1)
+        apart = np.abs(places[one] - places[other]).min(initial=math.inf)
+        away = gap(shape, places - corner_of(scene.table), radius)
+        before, energy = energy, looked_at.kinetic_energy
+        worst.overlap = max(worst.overlap, float(2.0 * radius - apart))
+        worst.outside = max(worst.outside, -float(min(value.min() for value in away.values())))
+        worst.energy_rise = max(worst.energy_rise, energy / before - 1.0 if before > 0.0 else energy)
+    assert np.array_equal(looked_at.positions, simulation.positions)
+    return worst
+
+
+def presses(simulation: bs.Simulation) -> bool:
+    """Whether bodies are in the middle of an elastic contact: they give by up to 1 mm, and hold energy."""
+    return bool(column(simulation._now.state.clock, "touches")[0])
+
+
+def run_shot(seed: int) -> Pocketed:
+    """One ball on a table with pockets, often into a mouth."""
+    scene = random_shot(np.random.default_rng(seed), *list(TABLES.values())[seed % len(TABLES)])
+    return pocketed(scene, SPARSE_LOOKS)
+
+
+def run_game(seed: int) -> Pocketed:
+    """A break of eight-ball or nine-ball, with everything on, from behind the head string."""
+    random = np.random.default_rng(seed)
+    make = (bs.scenes.eight_ball, bs.scenes.nine_ball)[seed % 2]
+    scene = make(float(random.choice(GAPS)), float(random.choice((0.0, 5e-5))), seed)
+    positions = scene.positions.copy()
+    positions[0] += (-random.uniform(0.0, 0.3), random.uniform(-0.4, 0.4))
+    to = positions[1] - positions[0]
+    azimuth = math.atan2(to[1], to[0]) + random.normal(0.0, 0.005)
+    speed, side, up = random.uniform(3.0, 13.0), random.uniform(-0.25, 0.25), random.uniform(-0.4, 0.4)
+    scene = replace(scene, positions=positions)
+    return pocketed(scene, DENSE_LOOKS, lambda simulation: simulation.shoot(speed, azimuth, side=side, up=up))
+
+
+Worst = Extremes | Depth | Effort | Pocketed
 
 ALLOWED: dict[type[Worst], Worst] = {
     Extremes: Extremes(overlap=1e-9, outside=1e-9, energy_rise=1e-12, events=20_000),
     Depth: Depth(overlap=1e-9),
     Effort: Effort(events=20_000, seconds=1.0),
+    Pocketed: Pocketed(overlap=1e-9, outside=1e-9, energy_rise=2e-5, events=20_000, seconds=1.0),
 }
 
 
@@ -250,6 +329,7 @@ def main() -> int:
     parser.add_argument("--breaks", type=int, default=20_000, help="random breaks (%(default)s)")
     parser.add_argument("--rows", type=int, default=10_000, help="rows that friction presses together (%(default)s)")
     parser.add_argument("--provoking", type=int, default=100_000, help="scenes built to provoke (%(default)s)")
+    parser.add_argument("--shots", type=int, default=300_000, help="shots of one ball at pockets (%(default)s)")
     given = parser.parse_args()
     kept = [
         soak("scene", run_scene, given.scenes),
@@ -260,6 +340,8 @@ def main() -> int:
         soak("row", run_row, given.rows),
         soak("provoking", run_provoking, given.provoking),
         soak("pool provoking", run_pool_provoking, given.provoking),
+        soak("shot at pockets", run_shot, given.shots),
+        soak("game", run_game, 2 * given.breaks),
     ]
     return 0 if all(kept) else 1
 

@@ -61,6 +61,25 @@ def test_without_damping_the_duration_is_the_closed_form() -> None:
     assert duration_factor(1.0) == pytest.approx(exact, rel=1e-7)
 
 
+@pytest.mark.parametrize("restitution", [0.0, 1e-9, 0.01])
+def test_slow_spinning_balls_that_hardly_rebound_part_in_time(restitution: float) -> None:
+    # Without an end to their contact they would go on with a common speed that is not theirs, and the cloth's friction
+    # would feed on it. The last of a contact without rebound is a creep.
+    physics = bs.Physics(youngs_modulus=5.8e9, ball_restitution=restitution)
+    scene = bs.Scene(
+        [[0.5, 0.6], [0.5 + 2.0 * physics.radius, 0.6]],
+        [[0.0102, 0.0], [0.0, 0.0]],
+        [[0, -1, 0], [1, 1, 0]],
+        physics=physics,
+    )
+    simulation = bs.Simulation(scene)
+    energy = simulation.kinetic_energy
+    hertz = 8.0 * 1.25**0.4 * (2.0 * stiffness_of(physics)) ** -0.4 * 0.0102**-0.2
+    event = next(event for event in simulation.advance(0.1) if event.kind == "ball_ball")
+    assert event.time <= 1.01 * hertz
+    assert simulation.kinetic_energy < energy
+
+
 def test_stiffness_is_hertz() -> None:
     physics = bs.Physics(youngs_modulus=5.8e9, poisson_ratio=0.34)
     modulus = 1.0 / (2.0 * (1.0 - 0.34**2) / 5.8e9)
