@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cache
 
 from billiards_sim.engine.kernels.state import ARC, INF, LINE, MOUTH, NOBODY, PARTS, Feature
@@ -57,17 +58,30 @@ def check_fits(table: Table, radius: float) -> None:
 
 def trouble_at(table: Table, radius: float, x: float, y: float, tolerance: float) -> str:
     """Why a ball cannot lie at (x, y), m from the centre of the table; empty where it can but for a tolerance, m."""
-    parts = NOBODY
+    mouth = None
+    for name, overlap, mouth in _beyond(table, radius, x, y, tolerance):
+        if mouth is None:
+            return f"reaches {overlap:.6g} m into the rail {name}"
+    return "" if mouth is None else mouth.trouble_at(x, y, radius, tolerance)
+
+
+def opening_at(table: Table, radius: float, x: float, y: float) -> Mouth | None:
+    """The pocket in whose opening a ball reaches behind the noses at (x, y), m from the centre of the table."""
+    openings = [mouth for _, _, mouth in _beyond(table, radius, x, y, 0.0)]
+    return openings[0] if openings and None not in openings else None
+
+
+def _beyond(
+    table: Table, radius: float, x: float, y: float, tolerance: float
+) -> Iterator[tuple[str, float, Mouth | None]]:
+    # The rails behind whose line a ball reaches: by how much, m, and the opening in which, none for the rubber.
     for name, rail in zip(RAILS, features_of(table, radius)[: len(RAILS)], strict=True):
         overlap = -rail.offset - x * rail.normal_x - y * rail.normal_y
         along = rail.normal_x * y - rail.normal_y * x
         if overlap > tolerance:
-            if rail.near <= abs(along) <= rail.far:
-                return f"reaches {overlap:.6g} m into the rail {name}"
             parts = rail.between if abs(along) < rail.near else rail.high if along > 0.0 else rail.low
-    if parts == NOBODY:
-        return ""
-    return table.mouths[(parts - len(RAILS)) // PARTS].trouble_at(x, y, radius, tolerance)
+            rubber = rail.near <= abs(along) <= rail.far
+            yield name, overlap, None if rubber else table.mouths[(parts - len(RAILS)) // PARTS]
 
 
 def _rail(table: Table, name: str, normal_x: float, normal_y: float, offset: float) -> Feature:

@@ -18,6 +18,10 @@ CORNERS = ("x_min_y_min", "x_min_y_max", "x_max_y_min", "x_max_y_max")
 SIDES = ("y_min", "y_max")
 """Names of pockets: the rails that they lie between, or the long rail whose middle they are."""
 
+MOST_PUSHES = 100
+"""Rounds in which a ball is pushed out of jaws, points and circle. Two parts at right angles take one, at 45 degrees 30
+for all digits; between jaws that nearly face each other the ball is stuck."""
+
 Place = tuple[float, float]
 
 
@@ -89,6 +93,20 @@ class Mouth(NamedTuple):
                 f"ends, there it is {away:.6g} m from the middle of the circle of radius {pocket.slate_radius:.6g} m"
             )
 
+    def freed(self, x: float, y: float, radius: float, tolerance: float) -> Place | None:
+        """Where a ball in its opening comes to lie that is pushed out of its parts; None where there is no room, m."""
+        for _ in range(MOST_PUSHES):
+            if not self.trouble_at(x, y, radius, tolerance):
+                return x, y
+            for edge in self.edges:
+                away = _product((x - edge.start[0], y - edge.start[1]), edge.normal)
+                along = (edge.end[0] - edge.start[0], edge.end[1] - edge.start[1])
+                if _product((x - edge.start[0], y - edge.start[1]), along) >= 0.0 and away < radius:
+                    x, y = x + (radius - away) * edge.normal[0], y + (radius - away) * edge.normal[1]
+                x, y = _pushed(x, y, edge.point, self.pocket.point_radius + radius)
+            x, y = _pushed(x, y, self.centre, self.pocket.slate_radius)
+        return None
+
     def trouble_at(self, x: float, y: float, radius: float, tolerance: float) -> str:
         """Why a ball in its opening cannot lie at (x, y), m; empty where it can, or but for a tolerance, m."""
         for edge in self.edges:
@@ -110,6 +128,14 @@ class Mouth(NamedTuple):
                 f"cut, the radius is {self.pocket.slate_radius:.6g} m"
             )
         return ""
+
+
+def _pushed(x: float, y: float, centre: Place, reach: float) -> Place:
+    # Out of a circle, if it lies in it.
+    away = math.dist((x, y), centre)
+    if away >= reach or away == 0.0:
+        return x, y
+    return centre[0] + (x - centre[0]) * reach / away, centre[1] + (y - centre[1]) * reach / away
 
 
 def _product(a: Place, b: Place) -> float:

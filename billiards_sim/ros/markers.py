@@ -126,9 +126,9 @@ class BallMarkers:
             line.scale.x = TRAIL_WIDTH * self._radius
             self._trails.append(_Trail(line, self._radius, max(1, min(round(TRAIL_TIME * rate), TRAIL_POINTS))))
         self._trail_of = dict(zip(names, self._trails))
-        self._lasting = [*self._balls, *(stripe for _, stripe in self._stripes)]  # of the balls in play
+        self._lasting = [*self._balls, *(stripe for _, stripe in self._stripes)]  # of the balls that are seen
         self._leaving: list[Marker] = []  # of those that no longer are, until the next message
-        self._in_play = [True] * len(self._balls)
+        self._seen = [True] * len(self._balls)
         self._flash = self._marker("contacts", 0, Marker.SPHERE_LIST, FLASH)
         self._flash.scale.x = self._flash.scale.y = self._flash.scale.z = FLASH_SIZE * self._radius
         self._flash.lifetime = _duration(FLASH_LIFETIME)
@@ -150,17 +150,19 @@ class BallMarkers:
             positions: (N, 2) m, Python floats.
             stamp: ns.
             orientations: (N, 4) unit quaternions x y z w, Python floats; None for balls that are all upright.
-            in_play: (N,) whether each ball is to be seen; None for all.
+            in_play: (N,) whether each ball is; None for all. Others lie in their pockets, or nowhere and are not seen.
         """
-        self._show(in_play or [True] * len(self._balls))
+        plays = in_play or [True] * len(self._balls)
+        self._show([not math.isnan(x) for x, _ in positions])
         set_stamp(self._header.stamp, stamp)
-        for ball, (x, y), is_there in zip(self._balls, positions, self._in_play):
-            if is_there:
+        for ball, (x, y), is_there, is_seen in zip(self._balls, positions, plays, self._seen):
+            if is_seen:
                 ball.pose.position.x = x
                 ball.pose.position.y = y
+                ball.pose.position.z = self._radius if is_there else -self._radius
         self._turn(orientations)
         if stamp != self._stamp:
-            for trail, (x, y), is_there in zip(self._trails, positions, self._in_play):
+            for trail, (x, y), is_there in zip(self._trails, positions, plays):
                 trail.follow(x, y) if is_there else trail.end()
             self._stamp = stamp
         self._message.markers = [*self._lasting, *self._leaving, *(trail.marker for trail in self._trails if trail.due)]
@@ -187,19 +189,19 @@ class BallMarkers:
         self._contacts.clear()
         self._stamp = None
 
-    def _show(self, in_play: list[bool]) -> None:
+    def _show(self, seen: list[bool]) -> None:
         # What belongs to a ball that has left is taken away by one message.
         self._leaving = []
-        if in_play == self._in_play:
+        if seen == self._seen:
             return
         self._lasting = []
         for index, marker in [*enumerate(self._balls), *self._stripes]:
-            marker.action = Marker.ADD if in_play[index] else Marker.DELETE
-            if in_play[index]:
+            marker.action = Marker.ADD if seen[index] else Marker.DELETE
+            if seen[index]:
                 self._lasting.append(marker)
-            elif self._in_play[index]:
+            elif self._seen[index]:
                 self._leaving.append(marker)
-        self._in_play = in_play
+        self._seen = seen
 
     def _turn(self, orientations: Sequence[Sequence[float]] | None) -> None:
         turned = orientations is not None

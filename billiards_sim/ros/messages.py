@@ -98,7 +98,7 @@ class Serialized:
 class Poses:
     """`balls/poses`: the balls lie on the cloth, upright unless orientations are given.
 
-    Those that are not in play lie one radius under the origin of the frame: that is a place, and none on the table.
+    Those that are not in play lie one radius under the cloth: in their pocket, or under the origin of the frame.
 
     Args:
         count: of balls.
@@ -123,11 +123,11 @@ class Poses:
         """Say where the balls are.
 
         Args:
-            positions: (N, 2) m, of balls that are not in play of no matter.
+            positions: (N, 2) m, of pocketed balls in their pockets, nan of those that are nowhere.
             in_play: (N,).
             orientations: (N, 4) unit quaternions x y z w.
         """
-        self._poses[:, :2] = np.where(in_play[:, np.newaxis], positions, 0.0)
+        self._poses[:, :2] = np.where(np.isnan(positions), 0.0, positions)
         self._poses[:, 2] = np.where(in_play, self._radius, -self._radius)
         if orientations is not None:
             self._poses[:, 3:] = orientations
@@ -227,7 +227,7 @@ def collision_record(event: Event, stamp: int, radius: float) -> dict[str, Any]:
         "stamp": {"sec": sec, "nanosec": nanosec},
         "balls": event.balls,
         "rail": event.rail,
-        "pocket": None,
+        "pocket": event.pocket,
         "point": [*event.point, radius],
         "normal": [*event.normal, 0.0],
         "approach_speed": event.approach_speed,

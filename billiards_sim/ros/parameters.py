@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,22 +19,34 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from billiards_sim.engine.physics import PRESETS, Physics
-from billiards_sim.engine.quantity import Quantity, preset, quantities, shown
+from billiards_sim.engine.physics import PRESETS as PHYSICS_PRESETS
+from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.quantity import Quantity, parts, preset, quantities, shown
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.scene_file import load_scene
 from billiards_sim.engine.scenes import BUILT_IN
+from billiards_sim.engine.table import PRESETS as TABLE_PRESETS
 from billiards_sim.engine.table import Table
 
 GROUPS = {"physics": Physics, "table": Table}
 """Groups of parameters, each the fields of one class."""
 
+PARTS = {f"{group}.{field}": kind for group, owner in GROUPS.items() for field, kind in parts(owner).items()}
+"""Kind of each part of a group, by its name. A part that is not there has 0 in all its parameters; one whose first
+parameter is given as 0 is taken away."""
+
 GROUP_QUANTITIES = {
-    f"{group}.{field}": declared for group, owner in GROUPS.items() for field, declared in quantities(owner).items()
+    f"{name}.{field}": declared
+    for group in GROUPS
+    for name, owner in [(group, GROUPS[group]), *((part, PARTS[part]) for part in PARTS if part.startswith(group))]
+    for field, declared in quantities(owner).items()
 }
 """Quantity of each parameter of a group."""
 
-GROUP_PRESETS = {"physics.preset": PRESETS}
+GROUP_PRESETS: Mapping[str, Mapping[str, Callable[..., Any]]] = {
+    "physics.preset": PHYSICS_PRESETS,
+    "table.preset": TABLE_PRESETS,
+}
 """What makes the presets of a group, by the parameter that names one and by their names."""
 
 PRESET_HELP = "{}, or empty for the scene's own: values for those of the group that are not given themselves"
@@ -122,9 +134,8 @@ class Settings:
         """The value of every parameter, by name."""
         values: dict[str, Any] = {"scene": self.scene_name}
         values |= {name: getattr(self, name) for name in (*NUMBERS, *SWITCHES, *TEXTS)}
-        for name in GROUP_QUANTITIES:
-            group, _, field = name.partition(".")
-            values[name] = getattr(getattr(self.scene, group), field)
+        for group in GROUPS:
+            values |= group_values(group, getattr(self.scene, group))
         return values | {name: self.given.get(name, "") for name in GROUP_PRESETS}
 
 
@@ -154,12 +165,7 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
         own["track_orientation"] = start.track_orientation
     groups = {}
     for group in GROUPS:
-        values = {
-            field: number(f"{group}.{field}", given[f"{group}.{field}"], declared)
-            for field, declared in quantities(GROUPS[group]).items()
-            if f"{group}.{field}" in given
-        }
-        groups[group] = dataclasses.replace(_base(group, given, start), **values)
+        groups[group] = _group(group, given, _base(group, given, start))
     try:
         scene = BUILT_IN[scene_name](**groups) if scene_name in BUILT_IN else dataclasses.replace(start, **groups)
     except ValueError as error:
@@ -190,21 +196,30 @@ def check_changeable(settings: Settings, changes: Mapping[str, Any]) -> None:
     """
     present = settings.values()
     given = {**settings.given, **changes}
+    brought: dict[str, float] = {}
+    for group in GROUPS:
+        brought |= group_values(group, _base(group, given, settings.loaded))
     for name, declared in GROUP_QUANTITIES.items():
-        group, _, field = name.partition(".")
         if not is_geometry(name):
             continue
         value, said = given.get(name), "got"
         if value is None:
-            value, said = (
-                getattr(_base(group, given, settings.loaded), field),
-                f"{group}.preset {given.get(f'{group}.preset', '')!r} brings",
-            )
+            group = name.partition(".")[0]
+            value, said = brought[name], f"{group}.preset {given.get(f'{group}.preset', '')!r} brings"
         if value != present[name]:
             raise ValueError(
                 f"parameter {name!r} is fixed while the node runs, at {present[name]:.9g}{_unit(declared)}; "
                 f"{said} {value!r}: give it at the start, or reset to a scene file that brings it"
             )
+
+
+def group_values(group: str, owner: Any) -> dict[str, float]:
+    """The values of the parameters of a group, and of its parts, by name; 0 for a part that is not there."""
+    values = {f"{group}.{field}": getattr(owner, field) for field in quantities(owner)}
+    for field, kind in parts(owner).items():
+        part = getattr(owner, field)
+        values |= {f"{group}.{field}.{one}": getattr(part, one, 0.0) for one in quantities(kind)}
+    return values
 
 
 def is_geometry(name: str) -> bool:
@@ -271,16 +286,46 @@ def _base(group: str, given: Mapping[str, Any], start: Scene) -> Any:
     return preset(f"parameter {name!r}", given[name], GROUP_PRESETS[name])()
 
 
+def _group(group: str, given: Mapping[str, Any], base: Any) -> Any:
+    # What the parameters that are given make of it.
+    values: dict[str, Any] = {
+        field: number(f"{group}.{field}", given[f"{group}.{field}"], declared)
+        for field, declared in quantities(base).items()
+        if f"{group}.{field}" in given
+    }
+    values |= {field: _part(f"{group}.{field}", given, getattr(base, field)) for field in parts(base)}
+    return dataclasses.replace(base, **values)
+
+
+def _part(name: str, given: Mapping[str, Any], base: Any) -> Any:
+    kind = PARTS[name]
+    declared = quantities(kind)
+    values = {} if base is None else dataclasses.asdict(base)
+    values |= {field: given[f"{name}.{field}"] for field in declared if f"{name}.{field}" in given}
+    first = next(iter(declared))
+    if not values or (first in values and number_or_nan(values[first]) == 0.0):
+        return None
+    missing = [field for field in declared if field not in values]
+    if missing:
+        raise ValueError(f"there is no {name}: to make one give it {', '.join(missing)}, too")
+    return kind(**{field: number(f"{name}.{field}", values[field], one) for field, one in declared.items()})
+
+
 def number(name: str, given: Any, declared: Quantity) -> float:
     """A parameter's value as a float; an integer is as good.
 
     Raises:
         ValueError: not a number, or out of bounds.
     """
-    value = float(given) if isinstance(given, (int, float)) and not isinstance(given, bool) else math.nan
+    value = number_or_nan(given)
     if not declared.contains(value):
         raise ValueError(f"parameter {name!r} must be a number {declared.bounds()} ({declared.unit}), got {given!r}")
     return value
+
+
+def number_or_nan(given: Any) -> float:
+    """A parameter's value as a float, NaN for what is no number."""
+    return float(given) if isinstance(given, (int, float)) and not isinstance(given, bool) else math.nan
 
 
 def switch(name: str, given: Any) -> bool:
@@ -373,10 +418,10 @@ def help_lines() -> str:
         lines.append(f"  {name} ({str(on).lower()}): {text}")
     lines += [f"  {name} ({default!r}): {text}" for name, (default, text) in TEXTS.items()]
     lines += [f"  {name} (''): {PRESET_HELP.format(', '.join(presets))}" for name, presets in GROUP_PRESETS.items()]
-    for name, declared in GROUP_QUANTITIES.items():
-        group, _, field = name.partition(".")
-        default = getattr(GROUPS[group](), field)
-        lines.append(f"  {name} ({default:g}{_unit(declared)}, {declared.bounds()}): {declared.help}")
+    for group, owner in GROUPS.items():
+        for name, default in group_values(group, owner()).items():
+            declared = GROUP_QUANTITIES[name]
+            lines.append(f"  {name} ({default:g}{_unit(declared)}, {bounds(name)}): {declared.help}")
     return "\n".join(lines)
 
 
@@ -384,9 +429,15 @@ def _names() -> set[str]:
     return {"scene", *NUMBERS, *SWITCHES, *TEXTS, *GROUP_PRESETS, *GROUP_QUANTITIES}
 
 
+def bounds(name: str) -> str:
+    """What the parameter of a group may be, in words."""
+    words = GROUP_QUANTITIES[name].bounds()
+    return f"{words}, or 0 for none" if name.rpartition(".")[0] in PARTS else words
+
+
 def _fields(group: str) -> list[str]:
     presets = ["preset"] if f"{group}.preset" in GROUP_PRESETS else []
-    return presets + list(quantities(GROUPS[group]))
+    return presets + [name.partition(".")[2] for name in GROUP_QUANTITIES if name.startswith(group)]
 
 
 def _unit(declared: Quantity) -> str:
@@ -394,11 +445,12 @@ def _unit(declared: Quantity) -> str:
 
 
 def _declare_number(node: Node, name: str, value: float, declared: Quantity) -> None:
-    bounds = FloatingPointRange(from_value=max(declared.minimum, declared.above), to_value=declared.maximum, step=0.0)
+    least = 0.0 if name.rpartition(".")[0] in PARTS else max(declared.minimum, declared.above)
     change = "fixed while the node runs" if is_geometry(name) else AT_REST
+    words = bounds(name) if name in GROUP_QUANTITIES else declared.bounds()
     descriptor = ParameterDescriptor(
         description=f"{declared.help},{_unit(declared)}".rstrip(","),
-        additional_constraints=f"{declared.bounds()}; {change}",
-        floating_point_range=[bounds],
+        additional_constraints=f"{words}; {change}",
+        floating_point_range=[FloatingPointRange(from_value=least, to_value=declared.maximum, step=0.0)],
     )
     node.declare_parameter(name, value, descriptor, ignore_override=True)

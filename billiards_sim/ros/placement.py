@@ -11,6 +11,7 @@ from geometry_msgs.msg import Point, PoseArray, Vector3
 from numpy.typing import NDArray
 from sensor_msgs.msg import MultiDOFJointState
 
+from billiards_sim.engine.features import opening_at, trouble_at
 from billiards_sim.engine.scene import Scene
 from billiards_sim.ros.separation import TOUCHING, separated
 from billiards_sim.ros.wrench import check_frame
@@ -82,12 +83,35 @@ def _without_noise(points: Iterable[Point | Vector3], names: Sequence[str], scen
             raise ValueError(f"the position of ball {name!r} must be finite, got {tuple(point.tolist())} m")
     positions = seen[:, :2]
     radius = scene.physics.radius
-    low = np.array([scene.table.x_min, scene.table.y_min]) + radius
-    high = np.array([scene.table.x_max, scene.table.y_max]) - radius
+    low = np.tile(np.array([scene.table.x_min, scene.table.y_min]) + radius, (len(positions), 1))
+    high = np.tile(np.array([scene.table.x_max, scene.table.y_max]) - radius, (len(positions), 1))
     noise = max(tolerance, TOUCHING)  # what comes from the table's own poses may go back
+    if scene.table.mouths:
+        for index in np.flatnonzero(((positions < low) | (positions > high)).any(axis=1)).tolist():
+            place = _in_mouth(positions[index], names[index], scene, noise)
+            if place is not None:
+                positions[index] = low[index] = high[index] = place
     _check_rails(positions, low, high, names, noise)
     _check_overlaps(positions, 2.0 * radius, names, noise)
     return dict(zip(names, separated(positions, low, high, 2.0 * radius, names)))
+
+
+def _in_mouth(position: NDArray[np.float64], name: str, scene: Scene, tolerance: float) -> tuple[float, float] | None:
+    # Where a ball beyond the noses lies that is in the mouth of a pocket, out of its parts; None if it is in none.
+    table, radius = scene.table, scene.physics.radius
+    x, y = position.tolist()
+    centre_x, centre_y = table.centre
+    centred = x - centre_x, y - centre_y
+    opening = opening_at(table, radius, *centred)
+    if opening is None:
+        return None
+    trouble = trouble_at(table, radius, *centred, tolerance)
+    if trouble:
+        raise ValueError(f"ball {name!r} at ({x:.9g}, {y:.9g}) m {trouble}; placement_tolerance is {tolerance:g} m")
+    free = opening.freed(*centred, radius, TOUCHING)
+    if free is None:
+        raise ValueError(f"ball {name!r} at ({x:.9g}, {y:.9g}) m has no room in the mouth of pocket {opening.name}")
+    return (x, y) if free == centred else (free[0] + centre_x, free[1] + centre_y)
 
 
 def _check_rails(
@@ -98,12 +122,12 @@ def _check_rails(
     tolerance: float,
 ) -> None:
     outside = np.maximum(low - positions, positions - high)
-    for name, position, depths in zip(names, positions, outside):
+    for name, position, depths, least, most in zip(names, positions, outside, low, high):
         axis = int(np.argmax(depths))
         if depths[axis] > tolerance:
             raise ValueError(
                 f"ball {name!r} reaches {depths[axis]:.6g} m into a rail, placement_tolerance is {tolerance:g} m: its "
-                f"{'xy'[axis]} is {position[axis]:.9g} m, the table allows {low[axis]:.9g} to {high[axis]:.9g} m"
+                f"{'xy'[axis]} is {position[axis]:.9g} m, the table allows {least[axis]:.9g} to {most[axis]:.9g} m"
             )
 
 

@@ -62,9 +62,15 @@ class Preview:
     paths: Mapping[str, Sequence[tuple[float, float, float]]]
 
     @property
+    def pocketed(self) -> dict[str, str]:
+        """Pockets by the names of the balls that fall into them, in order."""
+        return {event.balls[0]: event.pocket for event in self.events if event.pocket is not None}
+
+    @property
     def final_positions(self) -> dict[str, tuple[float, float]]:
-        """(x, y) m of each ball in play."""
-        return {name: path[-1][1:] for name, path in self.paths.items()}
+        """(x, y) m of each ball that is still in play."""
+        gone = self.pocketed
+        return {name: path[-1][1:] for name, path in self.paths.items() if name not in gone}
 
 
 class Prediction:
@@ -154,6 +160,7 @@ def preview_json(preview: Preview, stamps: Stamps, request: tuple[int, int]) -> 
     answer["duration"] = preview.end - preview.start
     answer["names"] = list(preview.paths)
     answer["final_positions"] = preview.final_positions
+    answer["pocketed"] = preview.pocketed
     answer["paths"] = preview.paths
     answer["events"] = [collision_record(event, stamps.at(event.time), radius) for event in preview.events]
     return json.dumps(answer)

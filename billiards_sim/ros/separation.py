@@ -56,7 +56,7 @@ def separated(positions: Floats, low: Floats, high: Floats, diameter: float, nam
 
     Args:
         positions: (N, 2) m.
-        low, high: (2,) m, the box for the centres.
+        low, high: (2,) or (N, 2) m, the box for the centres, or one for each.
         diameter: m.
         names: of the balls.
 

@@ -9,7 +9,7 @@ import gc
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import wraps
@@ -34,6 +34,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from billiards_sim.command_line import Parser, Refusal, Stopped, one_line, run_to_end
 from billiards_sim.engine import machine
+from billiards_sim.engine.events import Event
 from billiards_sim.engine.scene import Scene, Shot
 from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import messages, parameters, qos
@@ -53,7 +54,7 @@ from billiards_sim.ros.process import (
 from billiards_sim.ros.qos import ANSWER_DEPTH
 from billiards_sim.ros.state_publisher import Forms, StatePublisher
 from billiards_sim.ros.transforms import tf_message_type
-from billiards_sim.ros.wrench import shot_from_wrench
+from billiards_sim.ros.wrench import CUE_BALL, shot_from_wrench
 
 LOST_TIME_TOLD = 0.1
 """s by which the stamps of a shot fall behind the clock before the log tells: what those who look up transforms
@@ -208,6 +209,8 @@ class TableNode(Node):
             at_rest = self._simulation.at_rest
         else:
             self._publisher.events(events, self._stamps)
+            if len(events):
+                self._log_scratch(events)
             missing = until - self._simulation.time
             self._lost_time += missing if missing > TIME_ROUNDING else 0.0
             at_rest = self._simulation.at_rest if len(events) or not rested else True
@@ -472,6 +475,14 @@ class TableNode(Node):
         self._publisher.use(change.forms)
         if moved:
             self._publisher.table(self._stamp())
+
+    def _log_scratch(self, events: Sequence[Event]) -> None:
+        names = self._scene.names
+        if CUE_BALL not in names or self._simulation.in_play[names.index(CUE_BALL)]:
+            return  # as nearly always: events are not built to be looked at
+        for event in events:
+            if event.kind == "pocketed" and event.balls == (CUE_BALL,):
+                self.get_logger().warning(f"scratch: ball {CUE_BALL} fell into pocket {event.pocket}")
 
     def _leave_out_what_is_not_installed(self) -> None:
         if self._settings.publish_tf:

@@ -20,6 +20,9 @@ TORQUE_TOLERANCE = 1e-5
 """m. Torque along the force, divided by the force, up to which it counts as rounding: a torque typed with four decimals
 leaves 1e-6 m at 80 N and 1e-5 m at 8 N."""
 
+CUE_BALL = "cue"
+"""The one ball that `cue_shot` shoots."""
+
 OFFSET_DECIMALS = 16
 """Decimals of an offset in m that are kept: finer ones are below the last bit of a position on the table. Rounding to
 them gives an offset that was written in decimals back to the bit after its trip through a torque."""
@@ -68,7 +71,7 @@ def shot_from_wrench(message: WrenchStamped, frame: str) -> Shot:
             f"allowed up to {TORQUE_TOLERANCE * size:.6g} N m"
         )
     offset = (round(side, OFFSET_DECIMALS) + 0.0, round(up, OFFSET_DECIMALS) + 0.0)  # + 0.0 turns -0.0 into 0.0
-    return Shot((force.x, force.y, force.z), offset)
+    return Shot((force.x, force.y, force.z), offset, CUE_BALL)
 
 
 def wrench_from_shot(force: Sequence[float], offset: Sequence[float]) -> WrenchStamped:

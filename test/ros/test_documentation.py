@@ -13,7 +13,6 @@ from documents import blocks
 from process import positions
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from billiards_sim.engine.quantity import quantities
 from billiards_sim.ros import parameters
 from billiards_sim.ros.qos import MOST_BALLS, TF_DEPTH
 from billiards_sim.ros.table_node import TableNode
@@ -36,9 +35,13 @@ def rows() -> list[str]:
     ]
     declared = [(name, default, quantity) for name, (default, quantity) in parameters.NUMBERS.items()]
     for group, owner in parameters.GROUPS.items():
-        for field, quantity in quantities(owner).items():
-            declared.append((f"{group}.{field}", getattr(owner(), field), quantity))
-    return rows + [f"| `{name}` | {value:g} | {q.unit} | {q.bounds()} | {q.help} |" for name, value, q in declared]
+        for name, value in parameters.group_values(group, owner()).items():
+            declared.append((name, value, parameters.GROUP_QUANTITIES[name]))
+    bounds = {name: parameters.bounds(name) for name in parameters.GROUP_QUANTITIES}
+    return rows + [
+        f"| `{name}` | {value:g} | {q.unit} | {bounds.get(name, q.bounds())} | {q.help} |"
+        for name, value, q in declared
+    ]
 
 
 @pytest.mark.parametrize("row", rows())

@@ -55,12 +55,13 @@ POSITIONS = np.array([[1.0, 2.0], [3.0, 4.0]])
 
 
 def test_poses_are_what_rclpy_would_have_sent() -> None:
-    poses = messages.Poses(2, 0.03, "table")
-    poses.show(POSITIONS, np.array([True, False]))
+    poses = messages.Poses(3, 0.03, "table")
+    poses.show(np.vstack((POSITIONS, np.full(2, np.nan))), np.array([True, False, False]))
     message = deserialize_message(poses.stamped(EPOCH), PoseArray)
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
     assert message.header.frame_id == "table"
-    assert [(p.position.x, p.position.y, p.position.z) for p in message.poses] == [(1.0, 2.0, 0.03), (0.0, 0.0, -0.03)]
+    places = [(p.position.x, p.position.y, p.position.z) for p in message.poses]
+    assert places == [(1.0, 2.0, 0.03), (3.0, 4.0, -0.03), (0.0, 0.0, -0.03)]  # on it, in a pocket, nowhere
     assert all(p.orientation == Quaternion(w=1.0) for p in message.poses)
     assert serialize_message(message) == poses.stamped(EPOCH)
 

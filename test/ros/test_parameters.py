@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,24 @@ BAD = [
         "parameter 'physics.preset' must be one of pool, snooker, carom, got 'billiards'",
     ),
     ({"physics.preset": 3}, "parameter 'physics.preset' must be one of pool, snooker, carom, got 3"),
-    ({"table.preset": "pool"}, "no parameter 'table.preset'; under 'table' there are length, "),
+    ({"table.preset": "pool"}, "parameter 'table.preset' must be one of pool_9ft, pool_8ft, pool_7ft, "),
+    ({"table.lenght": 1.0}, "no parameter 'table.lenght'; under 'table' there are preset, length, "),
+    (
+        {"scene": "rack", "table.side_pocket.mouth": 0.1},
+        "there is no table.side_pocket: to make one give it cut_angle, shelf, point_radius, slate_radius, too",
+    ),
+    (
+        {"scene": "eight_ball", "table.corner_pocket.mouth": 0.05},
+        "pocket x_min_y_min: its mouth of 0.05 m must be wider than a ball of 0.05715 m",
+    ),
+    (
+        {"scene": "eight_ball", "table.corner_pocket.cut_angle": 0.1},
+        "parameter 'table.corner_pocket.cut_angle' must be a number >= 1.5708, <= 3 (rad), got 0.1",
+    ),
+    (
+        {"scene": "eight_ball", "table.corner_pocket.mouth": False},
+        "parameter 'table.corner_pocket.mouth' must be a number > 0, <= 10000 (m), got False",
+    ),
     ({"table.length": [1.0]}, "'table.length' must be a number"),
     ({"scene": 3}, "'scene' must be a string"),
     ({"scene": "cowboy_pool"}, "neither a file nor one of head_on"),
@@ -115,13 +133,66 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     defaults = parameters.read_settings({})
     given = document["/**"]["ros__parameters"]
     names = (*parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS)
-    presets = {"physics": {"preset": ""}, "table": {}}
+    zeros = dict.fromkeys(quantities(bs.Pocket), 0.0)
+    presets = {"physics": {"preset": ""}, "table": {"preset": "", "corner_pocket": zeros, "side_pocket": zeros}}
     assert given == {name: getattr(defaults, name) for name in names} | {"scene": "rack"}
-    whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )?\w+:)", "    ", text))["/**"]["ros__parameters"]
+    whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )*\w+:)", "    ", text))["/**"]["ros__parameters"]
     for group, owner in parameters.GROUPS.items():
         assert whole[group] == presets[group] | {field: getattr(owner(), field) for field in quantities(owner)}
-    given = {f"{group}.{key}": value for group in parameters.GROUPS for key, value in whole[group].items()}
-    assert parameters.read_settings(given).scene.physics == bs.Physics()
+    read = parameters.read_settings(flat({group: whole[group] for group in parameters.GROUPS})).scene
+    assert (read.physics, read.table) == (bs.Physics(), bs.Table())
+
+
+def flat(values: dict, prefix: str = "") -> dict:
+    """Parameters by name, of a file's groups."""
+    found = {}
+    for key, value in values.items():
+        found |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return found
+
+
+def test_a_preset_is_a_table_with_its_pockets() -> None:
+    for name, make in (("pool_7ft", bs.Table.pool_7ft), ("snooker_12ft", bs.Table.snooker_12ft)):
+        settings = parameters.read_settings({"scene": "rack", "table.preset": name, "physics.preset": "snooker"})
+        assert settings.scene.table == make()
+        assert settings.values()["table.corner_pocket.mouth"] == make().corner_pocket.mouth
+        assert settings.values()["table.preset"] == name
+    assert parameters.read_settings({"scene": "eight_ball", "table.preset": "carom_10ft"}).scene.table.mouths == ()
+
+
+def test_single_values_of_a_pocket_replace_those_of_the_table() -> None:
+    given = {"scene": "eight_ball", "table.corner_pocket.mouth": 0.12, "table.side_pocket.shelf": 0}
+    table = parameters.read_settings(given).scene.table
+    preset = bs.Table.pool_9ft()
+    assert table == replace(
+        preset,
+        corner_pocket=replace(preset.corner_pocket, mouth=0.12),
+        side_pocket=replace(preset.side_pocket, shelf=0.0),
+    )
+
+
+def test_a_mouth_of_0_takes_the_pockets_away() -> None:
+    given = {"scene": "eight_ball", "table.side_pocket.mouth": 0}
+    settings = parameters.read_settings(given)
+    assert settings.scene.table == bs.Table.pool_9ft(side_pocket=None)
+    sides = [value for name, value in settings.values().items() if name.startswith("table.side_pocket.")]
+    assert sides == [0.0] * len(quantities(bs.Pocket))
+
+
+def test_pockets_can_be_given_to_a_table_without() -> None:
+    pocket = bs.Table.pool_9ft().corner_pocket
+    given = {f"table.corner_pocket.{key}": getattr(pocket, key) for key in quantities(bs.Pocket)}
+    assert parameters.read_settings({"scene": "rack", "table.rail_thickness": 0.127, **given}).scene.table == bs.Table(
+        rail_thickness=0.127, corner_pocket=pocket
+    )
+
+
+@pytest.mark.parametrize("scene", ["rack", "eight_ball", "snooker", "three_cushion"])
+def test_what_is_shown_can_be_given_back(scene: str) -> None:
+    settings = parameters.read_settings({"scene": scene})
+    again = parameters.read_settings(settings.values())
+    assert again.scene == settings.scene
+    assert again.values() == settings.values()
 
 
 WPA = {"wpa_9ft.yaml": (100, 50), "wpa_8ft.yaml": (92, 46)}

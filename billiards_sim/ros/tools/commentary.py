@@ -12,12 +12,13 @@ SLIGHT = 1e-3
 
 
 class Commentary:
-    """Follows one shot from its `shot` event until every ball that moved rests.
+    """Follows one shot from its `shot` event until every ball that moved rests or is pocketed.
 
     Slight contacts in a row are told together.
 
     Attributes:
         counts: events by kind.
+        pocketed: pockets by the names of the balls that fell into them, in order.
         first_time: of the shot, s; NaN before it.
         last_time: of the last event, s.
     """
@@ -26,6 +27,7 @@ class Commentary:
         self.counts: Counter[str] = Counter()
         self.first_time = math.nan
         self.last_time = math.nan
+        self.pocketed: dict[str, str] = {}
         self._moving: set[str] = set()
         self._slight: list[float] = []  # s, times of slight contacts that are not told yet
 
@@ -43,7 +45,9 @@ class Commentary:
         self.last_time = event["time"]
         if kind == "shot":
             self.first_time = event["time"]
-        if kind == "rest":
+        if kind == "pocketed":
+            self.pocketed[event["balls"][0]] = event["pocket"]
+        if kind in ("rest", "pocketed"):
             self._moving.difference_update(event["balls"])
         else:
             self._moving.update(event["balls"])
@@ -69,7 +73,7 @@ class Commentary:
 
 
 def describe(event: dict[str, Any]) -> str:
-    """A collision or a shot in words; nothing for the end of slip or of motion."""
+    """A collision, a ball that falls or a shot in words; nothing for the end of slip or of motion."""
     balls = event["balls"]
     if event["kind"] == "shot":
         return f"the cue hits ball {balls[0]} with {event['impulse']:.3g} N s"
@@ -77,4 +81,6 @@ def describe(event: dict[str, Any]) -> str:
         return f"ball {balls[0]} and ball {balls[1]} at {event['approach_speed']:.3g} m/s"
     if event["kind"] == "ball_rail":
         return f"ball {balls[0]} and rail {event['rail']} at {event['approach_speed']:.3g} m/s"
+    if event["kind"] == "pocketed":
+        return f"ball {balls[0]} falls into pocket {event['pocket']} at {event['approach_speed']:.3g} m/s"
     return ""

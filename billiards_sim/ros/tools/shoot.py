@@ -23,7 +23,7 @@ from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros.process import own_arguments, ros, stoppable
 from billiards_sim.ros.tools.commentary import Commentary
-from billiards_sim.ros.wrench import wrench_from_shot
+from billiards_sim.ros.wrench import CUE_BALL, wrench_from_shot
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
 
 LONGEST_REST = 60.0
@@ -31,9 +31,6 @@ LONGEST_REST = 60.0
 
 LAST_EVENTS = 1.0
 """s that events have to arrive once the table rests: after a reset the missing ones never come."""
-
-CUE_BALL = "cue"
-"""The one ball that `cue_shot` shoots."""
 
 DESCRIPTION = """Publish one cue shot on cue_shot, wait for the table's verdict on shot_result and print it.
 Say it as --speed and --angle, or as --force.
@@ -293,6 +290,8 @@ def _print_preview(answer: dict[str, Any]) -> None:
             say(line)
     for line in commentary.held_back():
         say(line)
+    for name, pocket in answer["pocketed"].items():
+        say(f"shoot: ball {name} would fall into pocket {pocket}")
     ended = "at rest" if answer["complete"] else "still moving, the preview ends"
     say(f"shoot: {ended} after {answer['duration']:.3f} s; the balls would lie at")
     for name, (x, y) in answer["final_positions"].items():
