@@ -17,6 +17,7 @@ ROS = [
     "pyyaml",
 ]
 FAST = ["numba"]
+PLAY = ["tornado", "pyyaml"]
 PLOT = ["matplotlib", "tqdm", "pillow>=10.1", "imageio-ffmpeg"]
 # what `benchmark` compares with; pooltool, a third, pins a panda3d that is not to be had: see docs/benchmark
 PEERS = ["pymunk", "mujoco"]
@@ -30,7 +31,7 @@ setup(
     maintainer_email="maintainers@billiards-sim.example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "study/truth.json", "study/elastic.json", "ros/fastdds.xml"]},
+    package_data={NAME: ["py.typed", "study/truth.json", "study/elastic.json", "ros/fastdds.xml", "play/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -42,10 +43,13 @@ setup(
         "ros": ROS,
         "fast": FAST,
         "plot": PLOT,
+        "play": PLAY,
         "test": [
             *ROS,
             *FAST,
             *PLOT,
+            *PLAY,
+            "playwright",  # drives Debian's Chromium, where that is installed
             "pytest",
             "pytest-xdist",
             "hypothesis",
@@ -68,6 +72,7 @@ setup(
             "shoot = billiards_sim.__main__:shoot",
             "demo = billiards_sim.__main__:demo",
             "simulate = billiards_sim.__main__:simulate",
+            "play = billiards_sim.__main__:play",
             "benchmark = billiards_sim.__main__:benchmark",
         ],
     },

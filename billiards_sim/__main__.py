@@ -27,6 +27,7 @@ EXECUTABLES = {
     "shoot": Executable("billiards_sim.ros.tools.shoot", "send the table a cue shot, print its verdict", True),
     "demo": Executable("billiards_sim.ros.tools.demo", "break a rack over ROS 2 and print it", True),
     "simulate": Executable("billiards_sim.study.simulate", "run a scene without ROS: numbers, pictures, movies"),
+    "play": Executable("billiards_sim.play.app", "a table in the browser: aim, preview, shoot", stopped=0),
     "benchmark": Executable("billiards_sim.study.benchmark", "measure speed against error"),
 }
 
@@ -39,7 +40,7 @@ def run(name: str, arguments: list[str]) -> int:
     _leave_quietly_on_signals(name)
     from billiards_sim.command_line import run_to_end, shut_out_signals
 
-    def play() -> int:
+    def to_end() -> int:
         code: int = _main_of(name, arguments)(arguments)
         shut_out_signals()
         return code
@@ -47,7 +48,7 @@ def run(name: str, arguments: list[str]) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # names that a terminal cannot show
-    return run_to_end(name, play)
+    return run_to_end(name, to_end)
 
 
 def table() -> int:
@@ -64,6 +65,10 @@ def demo() -> int:
 
 def simulate() -> int:
     return run("simulate", sys.argv[1:])
+
+
+def play() -> int:
+    return run("play", sys.argv[1:])
 
 
 def benchmark() -> int:

@@ -50,6 +50,7 @@ BY_HAND = (
     "mkdir",
     "python -m billiards_sim.ros.tools.node_load",
     "python3 -m billiards_sim benchmark",
+    "python3 -m billiards_sim play",
     "python3 -m billiards_sim.ros.tools.picture",
     "python3 -m venv",
     "ros2 param load",

@@ -108,6 +108,21 @@ class Run:
             since = product(since, np.tile(self._orientations, (len(arcs), 1)))
         return since.reshape(*arcs.shape, 4)
 
+    def arcs(self, ball: str) -> Array:
+        """(K, 13) the stretches of a ball's motion in closed form, in order; each holds until the next begins.
+
+        Columns: t, s; x, y, m from the centre of the table; vx, vy; ax, ay; wx, wy, wz; and their rates of change, of
+        which that of wz lasts until wz is 0. At a time T and an age d = T - t the ball is at (v + a/2 d) d + (x, y),
+        plus the centre, with the bits of `positions`. A ball that is not in play has none.
+
+        Raises:
+            ValueError: no such ball.
+        """
+        rows = slice(*self._first[self._index(ball) :][:2])
+        parts = (self._places, self._velocities, self._accelerations, self._spins)
+        arcs = np.column_stack((self._times[rows] + self._epoch, *(part[rows] for part in parts)))
+        return arcs[~np.isnan(arcs[:, 1])]
+
     def path(self, ball: str) -> Array:
         """(K, 3) t s, x m, y m: points that the path of a ball can be drawn or played through, on straight lines.
 
@@ -119,9 +134,7 @@ class Run:
         Raises:
             ValueError: no such ball.
         """
-        if ball not in self.scene.names:
-            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self.scene.names)}")
-        index = self.scene.names.index(ball)
+        index = self._index(ball)
         times = self._path_times(index, np.unique([self.start, *self._event_times[ball], self.end]))
         points = self._positions(*self._arcs_of(index, self._inner(times)))
         if np.isnan(points[0, 0]):
@@ -129,6 +142,11 @@ class Run:
         stays = len(points) > 1 and np.array_equal(points[-1], points[-2])
         path = np.column_stack((times, points))
         return path[:-1] if stays else path
+
+    def _index(self, ball: str) -> int:
+        if ball not in self.scene.names:
+            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self.scene.names)}")
+        return self.scene.names.index(ball)
 
     def _path_times(self, ball: int, stops: Array) -> Array:
         # (K,) the stops, (S,), and what is needed between two of them, after the largest acceleration there.

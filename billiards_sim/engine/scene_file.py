@@ -60,16 +60,27 @@ def load_scene(path: str | Path, most_balls: int = MOST_BALLS) -> Scene:
         OSError: the file cannot be read.
         ImportError: PyYAML is not installed.
     """
+    _yaml()
+    try:
+        return read_scene(_text(Path(path), most_balls), most_balls)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def read_scene(text: str, most_balls: int = MOST_BALLS) -> Scene:
+    """Read a scene from the text of a scene file.
+
+    Raises:
+        ValueError: as `load_scene`, without the path.
+        ImportError: PyYAML is not installed.
+    """
     yaml = _yaml()
     try:
-        text = _text(Path(path), most_balls)
         # That of C, where PyYAML has it, is 20 times as fast. They differ in a few odd tabs and colons.
         events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
         return _scene(_document(events, most_balls))
     except yaml.YAMLError as error:
-        raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"not YAML: {' '.join(str(error).split())}") from None
 
 
 def save_scene(scene: Scene, path: str | Path) -> None:
@@ -77,6 +88,17 @@ def save_scene(scene: Scene, path: str | Path) -> None:
 
     Raises:
         OSError: the file cannot be written.
+        ImportError: PyYAML is not installed.
+    """
+    text = scene_text(scene)
+    with written(path) as file:
+        file.write_text(text, encoding="utf-8")
+
+
+def scene_text(scene: Scene) -> str:
+    """What `save_scene` writes.
+
+    Raises:
         ImportError: PyYAML is not installed.
     """
     yaml = _yaml()
@@ -105,9 +127,8 @@ def save_scene(scene: Scene, path: str | Path) -> None:
     Dumper.add_representer(
         _Quoted, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", str(text), style='"')
     )
-    text = yaml.dump(document, Dumper=Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True)
-    with written(path) as file:
-        file.write_text(text, encoding="utf-8")
+    text: str = yaml.dump(document, Dumper=Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True)
+    return text
 
 
 class _Quoted(str):

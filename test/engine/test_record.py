@@ -163,6 +163,36 @@ def test_straight_lines_through_a_path_stay_near_the_ball_at_every_time(begin: C
     assert 0.5 * CHORD < worst <= CHORD * (1.0 + 1e-9)
 
 
+@pytest.mark.parametrize("begin", STARTS)
+def test_arcs_give_the_bits_of_positions(begin: Callable[[], bs.Simulation]) -> None:
+    run = bs.record(begin())
+    times = instants(run)
+    shown = run.positions(times)
+    for index, name in enumerate(run.scene.names):
+        arcs = run.arcs(name)
+        assert (np.diff(arcs[:, 0]) >= 0.0).all()
+        for at, time in enumerate(times.tolist()):
+            t, *parts = arcs[np.searchsorted(arcs[:, 0], time, side="right") - 1].tolist()
+            (x, y, vx, vy, ax, ay), age = parts[:6], time - t
+            place = [
+                (vx + 0.5 * ax * age) * age + x + run.scene.table.centre[0],
+                (vy + 0.5 * ay * age) * age + y + run.scene.table.centre[1],
+            ]
+            if run.start == 0.0:
+                assert place == shown[at, index].tolist()
+            else:  # another clock
+                assert place == pytest.approx(shown[at, index].tolist(), abs=1e-12)
+
+
+def test_a_ball_that_is_not_in_play_has_no_arcs() -> None:
+    scene = bs.Scene([[0.5, 0.5], [1.0, 0.5]], [[1.0, 0.0], [0.0, 0.0]], in_play=[True, False])
+    run = bs.record(bs.Simulation(scene))
+    assert run.arcs("1").shape == (0, 13)
+    assert len(run.arcs("cue")) > 1
+    with pytest.raises(ValueError, match="no ball is named '2'"):
+        run.arcs("2")
+
+
 def test_a_path_has_no_more_points_than_its_curve_needs() -> None:
     roll, spin = 1.0, 1.0 / RADIUS
     run = bs.record(

@@ -66,8 +66,14 @@ def test_the_exact_solutions_are_installed(prefix: Path) -> None:
     assert len(list(prefix.glob("lib/python*/site-packages/billiards_sim/study/truth.json"))) == 1
 
 
+def test_the_page_is_installed(prefix: Path) -> None:
+    (page,) = prefix.glob("lib/python*/site-packages/billiards_sim/play/page")
+    names = {path.name for path in (REPOSITORY / "billiards_sim" / "play" / "page").iterdir()}
+    assert {path.name for path in page.iterdir()} == names
+
+
 def test_every_executable_is_where_ros2_run_looks(prefix: Path) -> None:
-    for name in ("table", "shoot", "demo", "simulate", "benchmark"):
+    for name in ("table", "shoot", "demo", "simulate", "play", "benchmark"):
         assert os.access(prefix / "lib" / "billiards_sim" / name, os.X_OK)
 
 

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executable `play`: a table in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+import threading
+from pathlib import Path
+
+from billiards_sim.command_line import STOPPING, Parser, Refusal, complain, run_to_end, say
+from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene_file import load_scene
+from billiards_sim.engine.scenes import BUILT_IN
+from billiards_sim.play.backend import Backend
+
+PORT = 8321
+
+DESCRIPTION = """Open a table in the browser: aim with the mouse, see what would happen, shoot.
+The page is served to this machine alone, until Ctrl-C. Exit code 0: stopped; 2: bad arguments, a port that is taken."""
+
+
+def main(arguments: list[str]) -> int:
+    """Serve until a signal comes; returns the exit code."""
+    return run_to_end("play", lambda: _play(_parser().parse_args(arguments)))
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="play", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "scene",
+        metavar="SCENE",
+        nargs="?",
+        help=f"a scene file, or one of {', '.join(BUILT_IN)}; default eight_ball",
+    )
+    parser.add_argument("--port", type=_port, default=PORT, metavar="N", help=f"of 127.0.0.1 ({PORT}); 0: a free one")
+    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+    return parser
+
+
+def _port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) <= 65535):
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0 to 65535, got {text}")
+    return int(text)
+
+
+def _play(options: argparse.Namespace) -> int:
+    try:
+        from billiards_sim.play import server
+    except ImportError as error:
+        raise Refusal(f"play needs tornado ({error}): pip install 'billiards_sim[play]'") from None
+    backend = _backend(options)
+    try:
+        asyncio.run(_serve(server.serve, backend, options))
+    finally:
+        backend.close()
+    return 0
+
+
+def _backend(options: argparse.Namespace) -> Backend:
+    from billiards_sim.play.engine_backend import EngineBackend
+
+    try:
+        return EngineBackend(_scene(options.scene or "eight_ball"))
+    except ValueError as error:
+        raise Refusal(error) from None
+
+
+def _scene(name: str) -> Scene:
+    if name in BUILT_IN:
+        return BUILT_IN[name]()
+    try:
+        if not Path(name).exists():
+            raise Refusal(f"SCENE {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
+        return load_scene(name)
+    except ImportError as error:
+        raise Refusal(f"scene file {name!r}: {error}") from None
+    except OSError as error:
+        raise Refusal(f"cannot read {name!r}: {error.strerror or error}") from None
+
+
+async def _serve(serve: object, backend: Backend, options: argparse.Namespace) -> None:
+    stopped = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in STOPPING:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # by nohup
+            loop.add_signal_handler(number, stopped.set)
+    server, port = serve(backend, options.port)  # type: ignore[operator]
+    address = f"http://127.0.0.1:{port}/"
+    say(f"play: {address} (Ctrl-C ends it)")
+    if not options.no_browser:
+        threading.Thread(target=_open, args=(address,), daemon=True).start()
+    await stopped.wait()
+    server.stop()
+
+
+def _open(address: str) -> None:
+    import webbrowser
+
+    if not webbrowser.open(address):
+        complain("play", f"no browser is found: open {address} in one")

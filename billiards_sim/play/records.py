@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page is told, as values that JSON has: a table, a run, a position as a link."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_sim.colours import CLOTH, WOOD, ball_colour, is_striped
+from billiards_sim.engine.events import Event
+from billiards_sim.engine.physics import PRESETS as PHYSICS_PRESETS
+from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.record import Run
+from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.table import PRESETS as TABLE_PRESETS
+from billiards_sim.engine.table import Table
+from billiards_sim.play.effects import EFFECTS
+from billiards_sim.table_shape import shape_of
+
+PAPER = "paper"
+"""What the page calls the defaults of `Table` and of `Physics`."""
+
+TABLES: dict[str, Callable[..., Table]] = {**TABLE_PRESETS, PAPER: Table}
+PHYSICS: dict[str, Callable[..., Physics]] = {**PHYSICS_PRESETS, PAPER: Physics}
+
+MOTION = 7
+"""Columns of an arc that tell where a ball is; those after them tell its spin."""
+
+SHORT = 1e-4
+"""s. A preview leaves out arcs that begin so soon after the one before: balls in touch have hundreds of them, and move
+by a millimetre meanwhile. The last of each is kept, so that ends are exact."""
+
+DIGITS = 4
+"""After the decimal point, of figures that are drawn and not counted on: m, 0.1 mm."""
+
+
+def table_record(scene: Scene) -> dict[str, Any]:
+    """All that is drawn of a table, and what lies on it."""
+    table, physics = scene.table, scene.physics
+    shape = shape_of(table)
+    return {
+        "scene": scene.name,
+        "table": preset_of(table, TABLES),
+        "physics": preset_of(physics, PHYSICS),
+        "centre": list(table.centre),
+        "size": [table.length, table.width],
+        "rail": table.rail_thickness,
+        "cushions": [[_rounded(place) for place in cushion] for cushion in shape.cushions],
+        "pockets": [{"name": name, "at": _rounded(at), "radius": radius} for name, at, radius in shape.pockets],
+        "spots": [_rounded(place) for place in shape.spots],
+        "sights": [_rounded(place) for place in shape.sights],
+        "colours": {"cloth": css(CLOTH), "wood": css(WOOD)},
+        "radius": physics.radius,
+        "miscue_limit": physics.miscue_limit,
+        "balls": [
+            {
+                "name": name,
+                "at": at if in_play else None,
+                "colour": css(ball_colour(name)),
+                "striped": is_striped(name),
+            }
+            for name, at, in_play in zip(scene.names, scene.positions.tolist(), scene.in_play.tolist())
+        ],
+        "effects": [
+            {
+                "key": effect.key,
+                "label": effect.label,
+                "help": effect.help,
+                "unit": effect.unit,
+                "scale": effect.scale,
+                "on": effect.is_on(scene),
+                "value": effect.value(scene) if effect.is_on(scene) else effect.usual,
+            }
+            for effect in EFFECTS.values()
+        ],
+        "link": link_document(scene),
+    }
+
+
+def run_record(run: Run, at_end: NDArray[np.bool_], spins: bool = True) -> dict[str, Any]:
+    """How every ball moves, in closed form, and what happens.
+
+    Args:
+        at_end: (N,) whether each ball is in play at the end.
+        spins: with the spins, and every arc; else what a preview draws, see `SHORT`.
+    """
+    return {
+        "end": run.end,
+        "names": list(run.scene.names),
+        "at_end": at_end.tolist(),
+        "arcs": [
+            (run.arcs(name) if spins else _thinned(run.arcs(name))[:, :MOTION]).tolist() for name in run.scene.names
+        ],
+        "events": [event_record(event) for event in run.events],
+    }
+
+
+def event_record(event: Event) -> dict[str, Any]:
+    """An event, without what it has not."""
+    return {key: value for key, value in asdict(event).items() if value is not None}
+
+
+def link_document(scene: Scene) -> dict[str, Any]:
+    """A scene as short as it can be said; a scene file takes it, JSON being YAML, and gives the same bits."""
+    balls = []
+    for name, at, spin, in_play in zip(
+        scene.names, scene.positions.tolist(), scene.angular_velocities.tolist(), scene.in_play.tolist()
+    ):
+        ball: dict[str, Any] = {"name": name, "position": at} if in_play else {"name": name, "in_play": False}
+        if any(spin):
+            ball["angular_velocity"] = spin
+        balls.append(ball)
+    document = {
+        "name": scene.name,
+        "table": _shortest(scene.table, TABLES),
+        "physics": _shortest(scene.physics, PHYSICS),
+        "balls": balls,
+    }
+    return {key: value for key, value in document.items() if value not in ({}, "")}
+
+
+def preset_of(owner: Any, presets: Mapping[str, Callable[..., Any]]) -> str | None:
+    """Name of the preset that it is, if it is one."""
+    return next((name for name, make in presets.items() if make() == owner), None)
+
+
+def css(colour: tuple[float, float, float]) -> str:
+    """A colour for a page, `#rrggbb`."""
+    return "#" + "".join(f"{round(255.0 * part):02x}" for part in colour)
+
+
+def _shortest(owner: Any, presets: Mapping[str, Callable[..., Any]]) -> Any:
+    # A preset's name, or that of the nearest with what differs; without a name for the paper's.
+    def changed(make: Callable[..., Any]) -> dict[str, Any]:
+        values, usual = asdict(owner), asdict(make())
+        return {field.name: values[field.name] for field in fields(owner) if values[field.name] != usual[field.name]}
+
+    name, differs = min(((name, changed(make)) for name, make in presets.items()), key=lambda pair: len(pair[1]))
+    if name == PAPER:
+        return differs
+    return {"preset": name, **differs} if differs else name
+
+
+def _thinned(arcs: NDArray[np.float64]) -> NDArray[np.float64]:
+    kept, began = [], -math.inf
+    for index, time in enumerate(arcs[:, 0].tolist()):
+        last = index + 1 == len(arcs) or arcs[index + 1, 0] - time >= SHORT
+        if last or time - began >= SHORT:
+            kept.append(index)
+            began = time
+    return arcs[kept]
+
+
+def _rounded(place: tuple[float, float]) -> list[float]:
+    return [round(part, DIGITS) for part in place]
