@@ -45,11 +45,11 @@ def test_a_ball_that_touches_the_rubber_touches_what_the_engine_has_there(make: 
     seen = 0
     for cushion in shape_of(table).cushions:
         places = np.array(cushion) - centre
+        x, y = places.T
+        turn = np.sign(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))  # > 0: listed counter-clockwise
         # the edge from one jaw's start to the other's, without what lies behind; its outward side is the table
         for a, b in zip(places[1:-2], places[2:-1]):
-            outward = np.array([b[1] - a[1], a[0] - b[0]])
-            if outward @ (a + b) > 0.0:
-                outward = -outward
+            outward = turn * np.array([b[1] - a[1], a[0] - b[0]])
             for depth, wanted in ((-1e-4, True), (1e-4, False)):
                 at = 0.5 * (a + b) + outward / np.hypot(*outward) * (RADIUS + depth)
                 trouble = trouble_at(table, RADIUS, *at.tolist(), 1e-9)

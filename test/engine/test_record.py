@@ -180,8 +180,8 @@ def test_arcs_give_the_bits_of_positions(begin: Callable[[], bs.Simulation]) -> 
             ]
             if run.start == 0.0:
                 assert place == shown[at, index].tolist()
-            else:  # another clock
-                assert place == pytest.approx(shown[at, index].tolist(), abs=1e-12)
+            else:  # on the clock of the table, which is coarser: two roundings at no more than 10 m/s
+                assert place == pytest.approx(shown[at, index].tolist(), abs=20.0 * math.ulp(run.end))
 
 
 def test_a_ball_that_is_not_in_play_has_no_arcs() -> None:
