@@ -77,14 +77,21 @@ def _rounded(mouth: Mouth, side: str, normal: Place) -> list[Place]:
 
 
 def _turned(first: Place, middle: Place, last: Place) -> list[Place]:
-    # Directions from the first to the last, by way of the middle one.
-    quarters = [(a[0] + b[0], a[1] + b[1]) for a, b in ((first, middle), (middle, last))]
-    return [first, quarters[0], middle, quarters[1], last]
+    # Directions from the first to the last, by way of the middle one, so near that chords lie within 0.1 mm.
+    ways = [first, middle, last]
+    for _ in range(2):
+        between = [(a[0] + b[0], a[1] + b[1]) for a, b in zip(ways, ways[1:])]
+        ways = [way for pair in zip(ways, between) for way in map(_unit, pair)] + [last]
+    return ways
+
+
+def _unit(way: Place) -> Place:
+    size = math.hypot(*way)
+    return way[0] / size, way[1] / size
 
 
 def _on_point(edge: Edge, radius: float, way: Place) -> Place:
-    size = math.hypot(*way)
-    return edge.point[0] + radius * way[0] / size, edge.point[1] + radius * way[1] / size
+    return edge.point[0] + radius * way[0], edge.point[1] + radius * way[1]
 
 
 def _mitred(table: Table, along: int, end: float, sign: float, depth: float) -> list[Place]:
