@@ -11,6 +11,9 @@ from billiards_sim.engine.physics import Physics
 CONTACT_STEPS = 36.0
 """Steps in the duration of a contact: energy is then kept to 2e-6, velocities to 6e-5 m/s in a rack at 8 m/s."""
 
+LEAST_FITTED = 0.1
+"""Restitution below which the fits of a lone pair's turn are those of this one."""
+
 DURATION_STEPS = 4000
 """Steps of the integration of a contact: its duration is then good to 1e-7."""
 
@@ -59,3 +62,13 @@ def duration_factor(restitution: float) -> float:
             return LONGEST_DURATION
         x, v = new, v + step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
         time += step
+
+
+def shortening(restitution: float) -> float:
+    """How much the turn of a lone pair's line of centres shortens its contact: a of `kernels.law.hertz`."""
+    return 0.2548 * max(restitution, LEAST_FITTED) ** -0.85
+
+
+def mean_depth(restitution: float) -> float:
+    """Depth by which a lone pair presses that does not turn, averaged as its turn needs it, over v_n t_c."""
+    return 0.625 * max(restitution, LEAST_FITTED) ** 0.38 / duration_factor(restitution)

@@ -20,7 +20,14 @@ from numpy.typing import NDArray
 
 from billiards_sim.engine import machine
 from billiards_sim.engine.cue import Blow
-from billiards_sim.engine.elastic import CONTACT_STEPS, damping, duration_factor, stiffness_of
+from billiards_sim.engine.elastic import (
+    CONTACT_STEPS,
+    damping,
+    duration_factor,
+    mean_depth,
+    shortening,
+    stiffness_of,
+)
 from billiards_sim.engine.features import features_of
 from billiards_sim.engine.kernels.law.spin import last_spin_end
 from billiards_sim.engine.kernels.loop import CONTACTS_PER_BALL
@@ -257,6 +264,9 @@ def constants_of(scene: Scene) -> Constants:
         rail_damping=damping(max(rail_restitution, 0.0)) * math.sqrt(stiffness),
         contact_steps=CONTACT_STEPS,
         duration_factor=duration_factor(physics.ball_restitution) if stiffness else 0.0,
+        rail_duration_factor=duration_factor(max(rail_restitution, 0.0)) if stiffness else 0.0,
+        shortening=shortening(physics.ball_restitution),
+        pressing=mean_depth(physics.ball_restitution) if stiffness else 0.0,
         spin_deceleration=physics.spin_deceleration,
         centre_x=table.centre[0],
         centre_y=table.centre[1],

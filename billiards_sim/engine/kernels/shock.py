@@ -11,8 +11,10 @@ comes in the middle of a step has the step integrated again from its start up to
 A step is a part of the contact's duration at the speed that its energy stands for, and ends where a contact is about to
 begin or to end: the force has a kink there. Friction acts at the ends of steps, with the normal impulse of the step.
 
-A pair that nobody else can reach meanwhile needs no steps: it stays together for t_c, and parts as after a rigid impact
-whose normal is that of the first touch, turned by half of the angle by which the line of centres turns.
+A pair that nobody else can reach meanwhile needs no steps: it goes by the closed form of `law.hertz` from its first
+touch to where it parts. So does a ball alone at a nose or a jaw: it presses for t_c, goes on along it meanwhile, and
+parts by the rigid laws of the cushion. What the cloth does along the normal is left out there: a constant force does no
+work on a way that ends where it began.
 
 An island ends when nothing in it touches. What friction presses together never parts: where all contacts are slow the
 rigid rules take over.
@@ -25,16 +27,16 @@ import math
 from .bounce import count_impact
 from .cells import first_neighbour, next_neighbour
 from .feature import next_feature, normal_of, overlap_with
-from .impact import collide_pair
+from .impact import collide_feature
 from .island import release_ball
 from .kernel import kernel
 from .law.cushion import rub_at_cushion, slip_at_cushion
-from .law.hertz import contact_duration, free_speed, push_of
+from .law.hertz import contact_duration, free_speed, lone_pair, push_of
 from .law.throw import friction_at, rub_pair, rubs, slip_of_pair
 from .log import log_impact
 from .motion import anchor, begin_motion, mark, phase_of, place_at, velocity_at
 from .settle import advance_to as settle_to
-from .state import INF, NOBODY, OFF_TABLE, QUEUED, SLIDING, Ball, Constants, Stage, State, Touch
+from .state import ARC, INF, NOBODY, OFF_TABLE, QUEUED, SLIDING, Ball, Constants, Stage, State, Touch
 
 SLOW = 0.01
 """m/s. Bodies that approach more slowly have no shock to pass on: they stay rigid (4e-6 m/s in a break)."""
@@ -77,11 +79,7 @@ def takes_time(state: State, constants: Constants, i: int, j: int, approach: flo
     """Whether ball i and ball j, or feature -1 - j, which meet at a speed, m/s, press each other for a while."""
     if constants.stiffness == 0.0:
         return False
-    if presses_for_a_while(state, i, j):
-        return True
-    if approach <= SLOW:
-        return False
-    return j >= 0 or _has_company(state, constants, i, j, approach)
+    return approach > SLOW or presses_for_a_while(state, i, j)
 
 
 @kernel
@@ -103,7 +101,7 @@ def begin_touch(state: State, constants: Constants, i: int, j: int, now: float, 
     if j >= 0:
         release_ball(state, j)
     touch = _add_touch(state, constants, i, j)
-    if j < 0 or state.balls[i].touches > 1 or state.balls[j].touches > 1:
+    if state.balls[i].touches > 1 or (j >= 0 and state.balls[j].touches > 1):
         return
     if not _has_company(state, constants, i, j, approach):
         _keep_together(state, constants, touch, now)
@@ -126,8 +124,10 @@ def _add_touch(state: State, constants: Constants, i: int, j: int) -> Touch:
     touch.first = i
     touch.second = j
     touch.alone = False
-    touch.impulse = 0.0
-    touch.step_impulse = 0.0
+    touch.impulse_x = 0.0
+    touch.impulse_y = 0.0
+    touch.step_x = 0.0
+    touch.step_y = 0.0
     _enter(state, i)
     if j >= 0:
         _enter(state, j)
@@ -206,8 +206,10 @@ def _share(touch: Touch) -> float:
 
 @kernel
 def _has_company(state: State, constants: Constants, i: int, j: int, approach: float) -> bool:
-    # Whether anybody but balls i and j can touch one of them while they press each other.
-    duration = contact_duration(approach, 2.0 if j >= 0 else 1.0, constants.duration_factor, constants)
+    # Whether anybody but balls i and j can touch one of them while they press each other, or there is no closed form.
+    if constants.integrates_all or (j < 0 and state.features[-1 - j].kind == ARC):
+        return True
+    duration = _longest(j, approach, constants)
     if _is_reached(state, constants, i, j, duration):
         return True
     return j >= 0 and _is_reached(state, constants, j, i, duration)
@@ -243,25 +245,55 @@ def _is_reached(state: State, constants: Constants, i: int, j: int, duration: fl
 
 
 @kernel
+def _longest(j: int, approach: float, constants: Constants) -> float:
+    # How long a ball presses ball j, or feature -1 - j, at the most.
+    if j >= 0:
+        return contact_duration(approach, 2.0, constants.duration_factor, constants)
+    return contact_duration(approach, 1.0, constants.rail_duration_factor, constants)
+
+
+@kernel
 def _keep_together(state: State, constants: Constants, touch: Touch, now: float) -> None:
-    # Let a pair move on together, for as long as it presses, to where it parts.
-    first, second = state.balls[touch.first], state.balls[touch.second]
+    # Let a pair, or a ball at a line, move on for as long as it presses, to where it parts.
     touch.alone = True
-    duration = contact_duration(touch.approach, 2.0, constants.duration_factor, constants)
     _set_out(state, constants, touch.first)
+    if touch.second < 0:
+        _glide_along(state, constants, touch, now)
+        return
+    first, second = state.balls[touch.first], state.balls[touch.second]
     _set_out(state, constants, touch.second)
     nx, ny = touch.normal_x, touch.normal_y
     across = (first.vy - second.vy) * nx - (first.vx - second.vx) * ny
-    turn = across * duration / (2.0 * constants.radius)
-    cosine, sine = math.cos(turn), math.sin(turn)
-    end_x, end_y = cosine * nx - sine * ny, sine * nx + cosine * ny
+    duration, touch.turn, touch.parting = lone_pair(touch.approach, across, constants)
+    touch.along = 0.0
+    touch.over = 0.0
+    if touch.friction > 0.0:
+        pressed = max(0.5 * (touch.approach + touch.parting - across * touch.turn), 0.0)
+        touch.along, touch.over = _friction_of(state, touch, nx, ny, pressed, constants)
+        if touch.along != 0.0:
+            rubbed = math.sqrt(touch.along * touch.along + touch.over * touch.over) / (touch.friction * pressed)
+            touch.turn += (1.0 - 0.5 * rubbed) * touch.along * duration / constants.radius
+    ex, ey = _turned(nx, ny, touch.turn)
     half = 0.5 * touch.reach
     middle_x = 0.5 * (first.x + second.x + (first.vx + second.vx + 0.5 * (first.ax + second.ax) * duration) * duration)
     middle_y = 0.5 * (first.y + second.y + (first.vy + second.vy + 0.5 * (first.ay + second.ay) * duration) * duration)
-    _glide(first, middle_x + half * end_x, middle_y + half * end_y, duration)
-    _glide(second, middle_x - half * end_x, middle_y - half * end_y, duration)
-    first.phase_end = now + duration
-    second.phase_end = now + duration
+    _glide(first, middle_x + half * ex, middle_y + half * ey, now, duration)
+    _glide(second, middle_x - half * ex, middle_y - half * ey, now, duration)
+
+
+@kernel
+def _glide_along(state: State, constants: Constants, touch: Touch, now: float) -> None:
+    ball = state.balls[touch.first]
+    duration = _longest(touch.second, touch.approach, constants)
+    nx, ny = touch.normal_x, touch.normal_y
+    way = ((ball.vy + 0.5 * ball.ay * duration) * nx - (ball.vx + 0.5 * ball.ax * duration) * ny) * duration
+    _glide(ball, ball.x - way * ny, ball.y + way * nx, now, duration)
+
+
+@kernel
+def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * x - sine * y, sine * x + cosine * y
 
 
 @kernel
@@ -277,30 +309,45 @@ def _set_out(state: State, constants: Constants, i: int) -> None:
 
 
 @kernel
-def _glide(ball: Ball, x: float, y: float, duration: float) -> None:
+def _glide(ball: Ball, x: float, y: float, now: float, duration: float) -> None:
     # Straight on to a place.
     ball.vx = (x - ball.x) / duration
     ball.vy = (y - ball.y) / duration
     ball.ax = 0.0
     ball.ay = 0.0
+    ball.phase_end = now + duration
 
 
 @kernel
 def _part(state: State, constants: Constants, touch: Touch, duration: float) -> None:
-    # What a pair that was alone does when it parts.
-    first, second = state.balls[touch.first], state.balls[touch.second]
-    one, two = state.stages[touch.first], state.stages[touch.second]
-    first.vx = one.start_vx + one.cloth_x * duration
-    first.vy = one.start_vy + one.cloth_y * duration
-    second.vx = two.start_vx + two.cloth_x * duration
-    second.vy = two.start_vy + two.cloth_y * duration
+    # What a pair that was alone, or a ball at a line, does when it parts.
     nx, ny = touch.normal_x, touch.normal_y
-    across = (one.start_vy - two.start_vy) * nx - (one.start_vx - two.start_vx) * ny
-    turn = across * duration / (4.0 * constants.radius)
-    cosine, sine = math.cos(turn), math.sin(turn)
-    nx, ny = cosine * nx - sine * ny, sine * nx + cosine * ny
-    approach = (second.vx - first.vx) * nx + (second.vy - first.vy) * ny
-    touch.impulse = collide_pair(first, second, nx, ny, approach, constants) / constants.mass
+    first, one = state.balls[touch.first], state.stages[touch.first]
+    if touch.second < 0:
+        across = one.start_vy * nx - one.start_vx * ny + (one.cloth_y * nx - one.cloth_x * ny) * duration
+        first.vx = -touch.approach * nx - across * ny
+        first.vy = -touch.approach * ny + across * nx
+        impulse = collide_feature(first, nx, ny, constants) / constants.mass
+        touch.impulse_x = impulse * nx
+        touch.impulse_y = impulse * ny
+        return
+    second, two = state.balls[touch.second], state.stages[touch.second]
+    middle_vx = 0.5 * (one.start_vx + two.start_vx + (one.cloth_x + two.cloth_x) * duration)
+    middle_vy = 0.5 * (one.start_vy + two.start_vy + (one.cloth_y + two.cloth_y) * duration)
+    before_x, before_y = one.start_vx - two.start_vx, one.start_vy - two.start_vy
+    across = before_y * nx - before_x * ny
+    ex, ey = _turned(nx, ny, touch.turn)
+    touch.impulse_x = 0.5 * (touch.parting * ex - across * ey - before_x)
+    touch.impulse_y = 0.5 * (touch.parting * ey + across * ex - before_y)
+    across += ((one.cloth_y - two.cloth_y) * nx - (one.cloth_x - two.cloth_x) * ny) * duration
+    half_x, half_y = 0.5 * (touch.parting * ex - across * ey), 0.5 * (touch.parting * ey + across * ex)
+    first.vx = middle_vx + half_x
+    first.vy = middle_vy + half_y
+    second.vx = middle_vx - half_x
+    second.vy = middle_vy - half_y
+    if touch.along != 0.0 or touch.over != 0.0:
+        mx, my = _turned(nx, ny, 0.5 * touch.turn)
+        rub_pair(first, second, mx, my, touch.along, touch.over, constants.radius)
 
 
 # An island
@@ -345,9 +392,15 @@ def _copy(touch: Touch, to: Touch) -> None:
     to.normal_x = touch.normal_x
     to.normal_y = touch.normal_y
     to.friction = touch.friction
-    to.impulse = touch.impulse
-    to.step_impulse = touch.step_impulse
+    to.turn = touch.turn
+    to.parting = touch.parting
+    to.impulse_x = touch.impulse_x
+    to.impulse_y = touch.impulse_y
+    to.step_x = touch.step_x
+    to.step_y = touch.step_y
     to.kink = touch.kink
+    to.along = touch.along
+    to.over = touch.over
 
 
 @kernel
@@ -379,7 +432,7 @@ def _end_step(state: State, constants: Constants, i: int, now: float) -> None:
         if now < ball.phase_end and alone:
             state.touches[0].alone = False  # somebody came after all
             alone = False
-            _integrate_in_parts(state, constants, now)
+            _integrate_in_parts(state, constants, count, now)
         elif now < ball.phase_end:
             _integrate(state, constants, touches, count, duration)
         for k in range(count):
@@ -396,21 +449,21 @@ def _end_step(state: State, constants: Constants, i: int, now: float) -> None:
 
 
 @kernel
-def _integrate_in_parts(state: State, constants: Constants, now: float) -> None:
-    # A pair that was alone, from its first touch; what it does last is left for the caller.
+def _integrate_in_parts(state: State, constants: Constants, count: int, now: float) -> None:
+    # What was alone, from its first touch; what it does last is left for the caller.
     touch = state.touches[0]
-    first, second = state.balls[touch.first], state.balls[touch.second]
+    first = state.balls[touch.first]
     duration = now - first.time
-    whole = contact_duration(touch.approach, 2.0, constants.duration_factor, constants)
-    parts = 1 + int(constants.contact_steps * duration / whole)
+    parts = 1 + int(constants.contact_steps * duration / _longest(touch.second, touch.approach, constants))
     for _ in range(parts - 1):
-        _integrate(state, constants, 1, 2, duration / parts)
-        anchor(first, first.time + duration / parts)
-        anchor(second, second.time + duration / parts)
+        _integrate(state, constants, 1, count, duration / parts)
+        part_end = first.time + duration / parts
+        for k in range(count):
+            anchor(state.balls[state.members[k].ball], part_end)
         _rub(state, constants, 1)
-        _set_out(state, constants, touch.first)
-        _set_out(state, constants, touch.second)
-    _integrate(state, constants, 1, 2, now - first.time)
+        for k in range(count):
+            _set_out(state, constants, state.members[k].ball)
+    _integrate(state, constants, 1, count, now - first.time)
 
 
 @kernel
@@ -440,9 +493,10 @@ def _drop(state: State, constants: Constants, c: int, now: float) -> None:
     state.balls[i].touches -= 1
     if j >= 0:
         state.balls[j].touches -= 1
-    if touch.impulse > 0.0:
-        impulse = constants.mass * touch.impulse
-        log_impact(state, constants, now, i, j, touch.normal_x, touch.normal_y, touch.approach, impulse)
+    impulse = math.sqrt(touch.impulse_x * touch.impulse_x + touch.impulse_y * touch.impulse_y)
+    if touch.impulse_x * touch.normal_x + touch.impulse_y * touch.normal_y > 0.0:
+        nx, ny = touch.impulse_x / impulse, touch.impulse_y / impulse
+        log_impact(state, constants, now, i, j, nx, ny, touch.approach, constants.mass * impulse)
         count_impact(state.balls[i], touch.approach, constants)
         if j >= 0:
             count_impact(state.balls[j], touch.approach, constants)
@@ -517,18 +571,16 @@ def _rub(state: State, constants: Constants, touches: int) -> None:
     # Friction with the impulses of a step, of all contacts at once: each acts on the slip that was there.
     for c in range(touches):
         touch = state.touches[c]
-        touch.impulse += touch.step_impulse
+        touch.impulse_x += touch.step_x
+        touch.impulse_y += touch.step_y
         touch.along = 0.0
         touch.over = 0.0
-        if touch.friction > 0.0 and touch.step_impulse > 0.0:
+        if touch.friction > 0.0:
             nx, ny = _normal(state, touch)
-            along, over = _slip(state, touch, nx, ny, constants)
-            slip = math.sqrt(along * along + over * over)
-            if slip > 0.0:
-                part = min(1.0 / 7.0 if touch.second >= 0 else 2.0 / 7.0, touch.friction * touch.step_impulse / slip)
-                touch.along = -part * along
-                touch.over = -part * over
-        touch.step_impulse = 0.0
+            pressed = touch.step_x * nx + touch.step_y * ny
+            touch.along, touch.over = _friction_of(state, touch, nx, ny, pressed, constants)
+        touch.step_x = 0.0
+        touch.step_y = 0.0
     for c in range(touches):
         touch = state.touches[c]
         if touch.along != 0.0 or touch.over != 0.0:
@@ -538,6 +590,19 @@ def _rub(state: State, constants: Constants, touches: int) -> None:
                 rub_at_cushion(first, nx, ny, touch.along, touch.over, constants)
             else:
                 rub_pair(first, state.balls[touch.second], nx, ny, touch.along, touch.over, constants.radius)
+
+
+@kernel
+def _friction_of(
+    state: State, touch: Touch, nx: float, ny: float, pressed: float, constants: Constants
+) -> tuple[float, float]:
+    # Tangential impulse per mass, m/s, of a contact whose normal impulse per mass is `pressed`.
+    along, over = _slip(state, touch, nx, ny, constants)
+    slip = math.sqrt(along * along + over * over)
+    if slip == 0.0 or pressed <= 0.0:
+        return 0.0, 0.0
+    part = min(1.0 / 7.0 if touch.second >= 0 else 2.0 / 7.0, touch.friction * pressed / slip)
+    return -part * along, -part * over
 
 
 @kernel
@@ -740,7 +805,8 @@ def _opening_acceleration(state: State, touch: Touch) -> float:
 def _integrate(state: State, constants: Constants, touches: int, count: int, step: float) -> None:
     # Over a step from the anchors on; the balls get parabolas that end where they are then, and as fast.
     for c in range(touches):
-        state.touches[c].step_impulse = 0.0
+        state.touches[c].step_x = 0.0
+        state.touches[c].step_y = 0.0
     for k in range(count):
         stage = state.stages[state.members[k].ball]
         stage.dx = 0.0
@@ -824,7 +890,8 @@ def _evaluate(state: State, constants: Constants, touches: int, count: int, weig
             depth = touch.reach + overlap_with(state, -1 - touch.second, first.x + one.dx, first.y + one.dy)
             if depth > 0.0:
                 push = _push(touch, depth, -(one.ux * nx + one.uy * ny), constants.rail_damping, constants)
-                touch.step_impulse += weight * push
+                touch.step_x += weight * push * nx
+                touch.step_y += weight * push * ny
                 one.fx += push * nx
                 one.fy += push * ny
             continue
@@ -837,7 +904,8 @@ def _evaluate(state: State, constants: Constants, touches: int, count: int, weig
             nx, ny = qx / distance, qy / distance
             rate = (two.ux - one.ux) * nx + (two.uy - one.uy) * ny
             push = _push(touch, depth, rate, constants.ball_damping, constants)
-            touch.step_impulse += weight * push
+            touch.step_x += weight * push * nx
+            touch.step_y += weight * push * ny
             one.fx += push * nx
             one.fy += push * ny
             two.fx -= push * nx

@@ -152,16 +152,20 @@ class Touch:
 
     first: int = 0  # ball
     second: int = 0  # ball or, for feature k, -1 - k
-    alone: bool = False  # of a pair that nobody else can reach
+    alone: bool = False  # nobody else can reach those who touch: it goes by the closed form
     reach: float = 0.0  # m, distance at the first touch: nearer, they press
     approach: float = 0.0  # m/s, at the first touch
     normal_x: float = 0.0  # unit, from second to first, at the first touch
     normal_y: float = 0.0
     friction: float = 0.0  # coefficient
-    impulse: float = 0.0  # m/s, so far, per mass
-    step_impulse: float = 0.0  # and in the present step
+    turn: float = 0.0  # rad, by which the line of centres of a lone pair turns
+    parting: float = 0.0  # m/s, speed at which it parts
+    impulse_x: float = 0.0  # m/s, on the first, so far, per mass, without friction
+    impulse_y: float = 0.0
+    step_x: float = 0.0  # and in the present step
+    step_y: float = 0.0
     kink: bool = False  # the step begins or ends where the touch does
-    along: float = 0.0  # m/s, tangential impulse of a step, per mass
+    along: float = 0.0  # m/s, tangential impulse of a step, or of all of a lone pair's contact, per mass
     over: float = 0.0
 
 
@@ -269,6 +273,10 @@ class Constants:
     ball_damping: float = 0.0  # alpha sqrt(m' K) per mass, of two balls
     rail_damping: float = 0.0  # and of a ball and a rail
     duration_factor: float = 0.0  # f of two balls
+    rail_duration_factor: float = 0.0  # and of a ball and a rail
+    shortening: float = 0.0  # of the contact of a lone pair: see `law.hertz`
+    pressing: float = 0.0  # likewise, mean depth over v_n t_c
+    integrates_all: bool = False  # what has a closed form, too
     contact_steps: float = 0.0  # steps of an integration in the duration of a contact
     spin_deceleration: float = 0.0  # rad/s^2, of the spin about the vertical
     centre_x: float = 0.0  # m, of the playing area in the frame `table`
