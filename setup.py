@@ -18,6 +18,7 @@ ROS = [
 ]
 FAST = ["numba"]
 PLAY = ["tornado", "pyyaml"]
+PROGRESS = ["tqdm"]
 PLOT = ["matplotlib", "tqdm", "pillow>=10.1", "imageio-ffmpeg"]
 # what `benchmark` compares with; pooltool, a third, pins a panda3d that is not to be had: see docs/benchmark
 PEERS = ["pymunk", "mujoco"]
@@ -44,6 +45,7 @@ setup(
         "fast": FAST,
         "plot": PLOT,
         "play": PLAY,
+        "progress": PROGRESS,
         "test": [
             *ROS,
             *FAST,

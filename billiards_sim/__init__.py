@@ -16,44 +16,59 @@ if TYPE_CHECKING:
     from billiards_sim.engine import scenes
     from billiards_sim.engine.events import Event
     from billiards_sim.engine.machine import compile
+    from billiards_sim.engine.noise import ShooterNoise
     from billiards_sim.engine.physics import Physics
     from billiards_sim.engine.pocket import Pocket
     from billiards_sim.engine.record import Run, record
+    from billiards_sim.engine.rollout import BadShots, BrokenRollout, Rollout, rollout
     from billiards_sim.engine.scene import Scene, Shot
     from billiards_sim.engine.scene_file import load_scene, save_scene
+    from billiards_sim.engine.shots import Shots
     from billiards_sim.engine.simulation import Simulation, StallError
     from billiards_sim.engine.table import Table
 
 __all__ = [
+    "BadShots",
+    "BrokenRollout",
     "Event",
     "Physics",
     "Pocket",
+    "Rollout",
     "Run",
     "Scene",
+    "ShooterNoise",
     "Shot",
+    "Shots",
     "Simulation",
     "StallError",
     "Table",
     "compile",
     "load_scene",
     "record",
+    "rollout",
     "save_scene",
     "scenes",
 ]
 
 _HOMES = {
+    "BadShots": "rollout",
+    "BrokenRollout": "rollout",
     "Event": "events",
     "Physics": "physics",
     "Pocket": "pocket",
+    "Rollout": "rollout",
     "Run": "record",
     "Scene": "scene",
+    "ShooterNoise": "noise",
     "Shot": "scene",
+    "Shots": "shots",
     "Simulation": "simulation",
     "StallError": "simulation",
     "Table": "table",
     "compile": "machine",
     "load_scene": "scene_file",
     "record": "record",
+    "rollout": "rollout",
     "save_scene": "scene_file",
 }
 

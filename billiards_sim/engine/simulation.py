@@ -38,6 +38,7 @@ from billiards_sim.engine.moment import (
     start,
     stored,
 )
+from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.quantity import listed, numbers, seconds, shown
 from billiards_sim.engine.recorder import Recorder, blank_tape
 from billiards_sim.engine.scene import Scene, Shot
@@ -83,6 +84,19 @@ class StallError(RuntimeError):
             super().__init__(f"{reason}; its scene could not be written: {error}")
         else:
             super().__init__(f"{reason}; {path} reproduces it")
+
+
+def check_comes_to_rest(physics: Physics) -> None:
+    """Whether friction brings every ball to rest.
+
+    Raises:
+        ValueError: it does not, so that a run needs a time `until`.
+    """
+    if 0.0 in (physics.sliding_friction, physics.rolling_friction):
+        raise ValueError(
+            f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
+            f"{physics.rolling_friction:g}: give a time `until`"
+        )
 
 
 class EventLog(Sequence[Event]):
@@ -290,7 +304,7 @@ class Simulation:
         """
         index = self._index(ball)
         blow = cue.checked(force, offset, self._scene.physics)
-        self._check_rests(index)
+        self.check_rests(ball)
         before = self._now.with_log_taken()
         anew = self.at_rest
         now = begun_anew(before) if anew else copied(before)
@@ -324,6 +338,20 @@ class Simulation:
         """
         shot = Aim(speed, azimuth, side, up, elevation).shot(self._scene.physics, ball)
         self.strike(shot.force, shot.offset, shot.ball)
+
+    def check_rests(self, ball: str) -> None:
+        """Whether a ball can be struck.
+
+        Raises:
+            ValueError: no such ball, or it moves or is not in play.
+        """
+        index = self._index(ball)
+        phase = get_field(self._now.state.balls, index, "phase")
+        if phase == OFF_TABLE:
+            raise ValueError(f"ball {ball!r} is not in play")
+        if phase != AT_REST:
+            speed = float(np.hypot(*self.velocities[index]))
+            raise ValueError(f"ball {ball!r} must rest to be struck, it moves at {speed:.6g} m/s")
 
     def place(self, positions: Mapping[str, ArrayLike]) -> None:
         """Put balls at rest on the table, by name at (x, y) m: those in a pocket, and those that are in play. The clock
@@ -378,12 +406,8 @@ class Simulation:
                 balls to rest; `budget` is negative or no finite number.
         """
         if until is None:
-            physics = self._scene.physics
-            if 0.0 in (physics.sliding_friction, physics.rolling_friction) and self._moves:
-                raise ValueError(
-                    f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
-                    f"{physics.rolling_friction:g}: give run() a time `until`"
-                )
+            if self._moves:
+                check_comes_to_rest(self._scene.physics)
             played = self._play(INF, budget, recorder)
             asked, rest = self._now.at_rest_since() if played else (0.0, 0.0)
         else:
@@ -424,14 +448,6 @@ class Simulation:
         if ball not in self._scene.names:
             raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
         return self._scene.names.index(ball)
-
-    def _check_rests(self, index: int) -> None:
-        name, phase = self._scene.names[index], get_field(self._now.state.balls, index, "phase")
-        if phase == OFF_TABLE:
-            raise ValueError(f"ball {name!r} is not in play")
-        if phase != AT_REST:
-            speed = float(np.hypot(*self.velocities[index]))
-            raise ValueError(f"ball {name!r} must rest to be struck, it moves at {speed:.6g} m/s")
 
     def _play(self, until: float, budget: float | None, recorder: Recorder | None = None) -> bool:
         # Up to a time of the kernels' clock, while the budget lasts; returns whether it did. The events wait.

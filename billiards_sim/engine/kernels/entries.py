@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .batch import play_batch
 from .detection import contact_time, rail_contact_time
 from .law.spin import last_spin_end
 from .loop import run_until
@@ -19,6 +20,7 @@ ENTRIES: dict[str, Callable[..., Any]] = {
     for entry in (
         run_until,
         run_followed,
+        play_batch,
         strike,
         begin_anew,
         last_spin_end,
