@@ -55,6 +55,7 @@ setup(
             "pytest",
             "pytest-xdist",
             "hypothesis",
+            "rosbags",
             "scipy",
             "mpmath>=1.4",
             "ruff~=0.17.6",

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from geometry_msgs.msg import PoseArray, VelocityStamped
 from numpy.typing import NDArray
-from rclpy.node import Node
-from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
@@ -34,19 +33,43 @@ TWIST_PERIOD = 1.0
 """s between two twists of a ball that rests: whoever missed one knows it soon."""
 
 
+class Publisher(Protocol):
+    """Of a topic: rclpy's, or what takes the messages down."""
+
+    def publish(self, message: Any) -> None:
+        """Send a message, or the bytes of a serialized one."""
+
+    def get_subscription_count(self) -> int:
+        """How many listen."""
+
+
+class Publishers(Protocol):
+    """Makes publishers, as a node does."""
+
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: QoSProfile | int) -> Publisher:
+        """One whose profile is that, or the default one of that depth."""
+
+    def destroy_publisher(self, publisher: Any) -> bool:
+        """Whether it was there."""
+
+
 class Forms:
     """What goes out of one scene under one set of settings: messages to be filled in, and what they need.
 
+    Args:
+        settings: to publish by.
+        tf_type: gives the type of /tf, if frames are asked for.
+
     Raises:
-        ValueError: frames are asked for, and `tf_message_type` has none.
+        ValueError: `tf_type` has none.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, tf_type: Callable[[], Any]) -> None:
         scene, radius = settings.scene, settings.scene.physics.radius
         self.scene = scene
         self.frame = frame = settings.frame_id
         self._bodies = [settings.frame_prefix + name for name in scene.names]
-        self._tf_type = tf_message_type() if settings.publish_tf else None
+        self._has_frames = settings.publish_tf
         self.poses = messages.Poses(len(scene), radius, frame)
         self.twists = [messages.BallTwist(body, frame) for body in self._bodies]
         # Balls that rest take turns: at one tick they would overrun a short queue.
@@ -60,7 +83,7 @@ class Forms:
         if settings.publish_clock:
             self.shared["/clock"] = Clock, 1
         if settings.publish_tf:
-            self.shared["/tf"] = self._tf_type, TF_DEPTH
+            self.shared["/tf"] = tf_type(), TF_DEPTH
 
     def show(self, in_play: NDArray[np.bool_]) -> None:
         """Let the messages that name their balls have those in play, (N,)."""
@@ -74,7 +97,7 @@ class Forms:
         self.rows: slice | NDArray[np.intp] = slice(None) if in_play.all() else indices
         self.states = messages.States([self.scene.names[index] for index in indices], radius, self.frame)
         bodies = [self._bodies[index] for index in indices]
-        self.frames = BallFrames(self._tf_type, bodies, radius, self.frame) if self._tf_type is not None else None
+        self.frames = BallFrames(bodies, radius, self.frame) if self._has_frames else None
 
 
 class StatePublisher:
@@ -83,13 +106,15 @@ class StatePublisher:
     Args:
         node: whose topics they are.
         settings: to publish by.
+        tf_type: gives the type of /tf where it is asked for, or raises a `ValueError`.
 
     Raises:
         ValueError: as `prepare`.
     """
 
-    def __init__(self, node: Node, settings: Settings) -> None:
+    def __init__(self, node: Publishers, settings: Settings, tf_type: Callable[[], Any] = tf_message_type) -> None:
         self._node = node
+        self._tf_type = tf_type
         self._states_publisher = node.create_publisher(MultiDOFJointState, "balls/states", STATE_DEPTH)
         self._poses_publisher = node.create_publisher(PoseArray, "balls/poses", STATE_DEPTH)
         twists_depth = STATE_DEPTH * max(len(settings.scene), MOST_BALLS)
@@ -116,7 +141,7 @@ class StatePublisher:
         Raises:
             ValueError: as `Forms`; or a publisher cannot be made.
         """
-        forms = Forms(settings)
+        forms = Forms(settings, self._tf_type)
         for topic, (kind, depth) in forms.shared.items():
             if topic not in self._shared:
                 self._shared[topic] = self._node.create_publisher(kind, topic, depth)
@@ -162,6 +187,11 @@ class StatePublisher:
             self._events.add(events, stamps, self._forms.scene.physics.radius)
 
     @property
+    def waiting_events(self) -> int:
+        """Events that have not gone out yet."""
+        return len(self._events)
+
+    @property
     def dropped_events(self) -> int:
         """Events that were too many to wait, since the start."""
         return self._events.dropped
@@ -194,8 +224,9 @@ class StatePublisher:
             self._poses_publisher.publish(self._forms.poses.stamped(stamp))
         frames = self._forms.frames
         if frames is not None and _heard(self._shared["/tf"]):
-            positions, orientations = _floats(look, self._forms.rows)
-            self._shared["/tf"].publish(frames.at(positions, stamp, orientations))
+            rows, turned = self._forms.rows, look.orientations
+            message = frames.at(look.positions[rows], stamp, None if turned is None else turned[rows])
+            self._shared["/tf"].publish(message)
         if _heard(self._twists_publisher):
             self._publish_twists(look, stamp)
         self._publish_rest(at_rest)
@@ -213,8 +244,10 @@ class StatePublisher:
             return
         self._markers_due -= 1.0
         if _heard(self._markers_publisher) and self._look is not None:
-            positions, orientations = _floats(self._look)
-            message = self._forms.balls.update(positions, stamp, orientations, self._look.in_play.tolist())
+            turned = self._look.orientations  # as Python floats: other kinds are garbage in a message
+            orientations = None if turned is None else turned.tolist()
+            positions, in_play = self._look.positions.tolist(), self._look.in_play.tolist()
+            message = self._forms.balls.update(positions, stamp, orientations, in_play)
             self._markers_publisher.publish(message)
         else:
             self._forms.balls.restart()
@@ -249,10 +282,3 @@ class StatePublisher:
 
 def _heard(publisher: Publisher) -> bool:
     return bool(publisher.get_subscription_count() > 0)
-
-
-def _floats(
-    look: Look, rows: slice | NDArray[np.intp] = slice(None)
-) -> tuple[list[list[float]], list[list[float]] | None]:
-    # Positions and orientations as Python floats: other kinds of floats are garbage in a message.
-    return look.positions[rows].tolist(), None if look.orientations is None else look.orientations[rows].tolist()

@@ -3,12 +3,25 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from typing import Any
 
-from geometry_msgs.msg import TransformStamped
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Bool
 
-from billiards_sim.ros.messages import set_stamp
+from billiards_sim.quaternion import IDENTITY
+from billiards_sim.ros.messages import DOUBLE, NANOSECONDS
+
+TF_TYPE = "tf2_msgs/msg/TFMessage"
+"""What goes out on /tf."""
+
+_STAMP = struct.Struct("=iI")
+_COUNT = struct.Struct("=I")
+_WORD = 4
+"""Bytes that a stamp and the length of a sequence or a text are aligned to."""
 
 
 def tf_message_type() -> Any:
@@ -27,39 +40,57 @@ def tf_message_type() -> Any:
 
 
 class BallFrames:
-    """Frames at the balls' centres, in the frame of the table.
+    """Frames at the balls' centres, in the frame of the table: a message of `TF_TYPE` as bytes, for which tf2_msgs need
+    not be there.
+
+    Its one field is a sequence of `geometry_msgs/TransformStamped`: stamp, two names, seven numbers.
 
     Args:
-        message_type: see `tf_message_type`.
         bodies: names of the frames, one a ball.
         radius: m.
         frame: of the table.
     """
 
-    def __init__(self, message_type: Any, bodies: Sequence[str], radius: float, frame: str) -> None:
-        self._message = message_type()
-        self._message.transforms = [TransformStamped() for _ in bodies]
-        for one, body in zip(self._message.transforms, bodies):
-            one.header.frame_id = frame
-            one.child_frame_id = body
-            one.transform.translation.z = float(radius)
+    def __init__(self, bodies: Sequence[str], radius: float, frame: str) -> None:
+        content = bytearray(_COUNT.pack(len(bodies)))
+        self._stamps, places = [], []
+        for body in bodies:
+            _align(content, _WORD)
+            self._stamps.append(len(content))
+            content += bytes(_STAMP.size)
+            for name in (frame, body):
+                _align(content, _WORD)
+                text = name.encode() + b"\0"
+                content += _COUNT.pack(len(text)) + text
+            _align(content, DOUBLE)
+            places.append(len(content))
+            content += np.array([0.0, 0.0, radius, *IDENTITY]).tobytes()
+        head = serialize_message(Bool())[:_WORD]  # tells the order of bytes; places are counted from behind it
+        self._bytes = bytearray(head) + content
+        self._numbers = [np.ndarray(7, np.float64, self._bytes, _WORD + place) for place in places]
 
     def at(
-        self, positions: Sequence[Sequence[float]], stamp: int, orientations: Sequence[Sequence[float]] | None = None
-    ) -> Any:
-        """The message, the same one each time.
+        self,
+        positions: NDArray[np.float64],
+        stamp: int,
+        orientations: NDArray[np.float64] | None = None,
+    ) -> bytes:
+        """The serialized message.
 
         Args:
-            positions: (N, 2) m, Python floats.
+            positions: (N, 2) m.
             stamp: ns.
-            orientations: (N, 4) unit quaternions x y z w; None leaves the frames upright.
+            orientations: (N, 4) unit quaternions x y z w; None leaves the frames as they are turned.
         """
-        frames = self._message.transforms
-        for frame, (x, y) in zip(frames, positions):
-            set_stamp(frame.header.stamp, stamp)
-            frame.transform.translation.x = x
-            frame.transform.translation.y = y
-        for frame, (x, y, z, w) in zip(frames, orientations or ()):
-            turn = frame.transform.rotation
-            turn.x, turn.y, turn.z, turn.w = x, y, z, w
-        return self._message
+        sec, nanosec = divmod(stamp, NANOSECONDS)
+        for place in self._stamps:
+            _STAMP.pack_into(self._bytes, _WORD + place, sec, nanosec)
+        for index, numbers in enumerate(self._numbers):
+            numbers[:2] = positions[index]
+            if orientations is not None:
+                numbers[3:] = orientations[index]
+        return bytes(self._bytes)
+
+
+def _align(content: bytearray, size: int) -> None:
+    content += bytes(-len(content) % size)

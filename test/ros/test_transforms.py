@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of the balls. tf2_msgs need not be installed here, so a stand-in takes its place where it must be there."""
+"""Frames of the balls, as an independent reader reads them. Where tf2_msgs must be there, a stand-in is."""
 
 from __future__ import annotations
 
@@ -7,21 +7,33 @@ import importlib.util
 import sys
 import types
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 import rclpy
 from conftest import Site
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Transform, Vector3
 from sensor_msgs.msg import MultiDOFJointState
 
 from billiards_sim.ros.table_node import TableNode
-from billiards_sim.ros.transforms import BallFrames, tf_message_type
+from billiards_sim.ros.transforms import TF_TYPE, BallFrames, tf_message_type
+
+try:
+    from rosbags.typesys import Stores, get_typestore
+except ImportError:
+    needs_reader = pytest.mark.skip(reason="rosbags is not installed")
+else:
+    needs_reader = pytest.mark.skipif(False, reason="")
+    TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 class TFMessage:
-    def __init__(self) -> None:
-        self.transforms: list[TransformStamped] = []
+    """Its class alone is looked at."""
+
+
+def frames_of(message: bytes) -> list[Any]:
+    return list(TYPES.deserialize_cdr(message, TF_TYPE).transforms)
 
 
 class Publisher:
@@ -34,8 +46,8 @@ class Publisher:
     def get_subscription_count(self) -> int:
         return self.subscribers
 
-    def publish(self, message: TFMessage) -> None:
-        moves = {frame.child_frame_id: frame.transform.translation for frame in message.transforms}
+    def publish(self, message: bytes) -> None:
+        moves = {frame.child_frame_id: frame.transform.translation for frame in frames_of(message)}
         self.sent.append({name: (move.x, move.y, move.z) for name, move in moves.items()})
 
 
@@ -53,18 +65,27 @@ def no_tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)
 
 
-def test_a_frame_lies_at_its_ball_in_the_frame_of_the_table() -> None:
-    frames = BallFrames(TFMessage, ("left/cue", "left/1"), 0.03, "hall")
-    message = frames.at([[0.5, 0.6], [1.5, 1.6]], 2_000_000_005)
-    assert [frame.child_frame_id for frame in message.transforms] == ["left/cue", "left/1"]
-    for frame, place in zip(message.transforms, [(0.5, 0.6, 0.03), (1.5, 1.6, 0.03)]):
-        assert frame.header.frame_id == "hall"
-        assert (frame.header.stamp.sec, frame.header.stamp.nanosec) == (2, 5)
-        move, turn = frame.transform.translation, frame.transform.rotation
-        assert (move.x, move.y, move.z) == place
-        assert (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 1.0)
-    turned = frames.at([[0.5, 0.6], [1.5, 1.6]], 0, [[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])
-    assert turned.transforms[1].transform.rotation.y == 0.6
+@needs_reader
+@pytest.mark.parametrize("names", [("left/cue", "left/1"), ("cue", "12"), ("", "schwarze Kugel"), ("kö",)])
+def test_a_frame_lies_at_its_ball_in_the_frame_of_the_table(names: tuple[str, ...]) -> None:
+    frames = BallFrames(names, 0.03, "hall")
+    positions = np.array([[0.5, 0.6], [1.5, 1.6]])[: len(names)]
+    turns = np.array([[0.6, 0.0, 0.0, 0.8], [0.0, 0.6, 0.8, 0.0]])[: len(names)]
+    for orientations in (None, turns):
+        found = frames_of(frames.at(positions, 2_000_000_005, orientations))
+        assert [frame.child_frame_id for frame in found] == [*names]
+        for index, frame in enumerate(found):
+            assert frame.header.frame_id == "hall"
+            assert (frame.header.stamp.sec, frame.header.stamp.nanosec) == (2, 5)
+            move, turn = frame.transform.translation, frame.transform.rotation
+            assert (move.x, move.y, move.z) == (*positions[index], 0.03)
+            upright = (0.0, 0.0, 0.0, 1.0)
+            assert (turn.x, turn.y, turn.z, turn.w) == (upright if orientations is None else tuple(turns[index]))
+
+
+@needs_reader
+def test_a_table_without_balls_has_no_frames() -> None:
+    assert frames_of(BallFrames((), 0.03, "hall").at(np.empty((0, 2)), 0)) == []
 
 
 def test_without_tf2_msgs_a_change_is_refused_and_says_what_is_missing(table: TableNode, no_tf2_msgs: None) -> None:
@@ -100,6 +121,7 @@ def publisher(monkeypatch: pytest.MonkeyPatch, tf2_msgs: None) -> Publisher:
     return publisher
 
 
+@needs_reader
 def test_frames_go_out_every_tick_while_somebody_listens(
     make_node: Callable[..., TableNode], publisher: Publisher
 ) -> None:
@@ -124,6 +146,7 @@ def test_frames_go_out_every_tick_while_somebody_listens(
     assert len(publisher.sent) == 2
 
 
+@needs_reader
 def test_a_ball_off_the_table_has_no_frame(make_node: Callable[..., TableNode], publisher: Publisher) -> None:
     node = make_node("publish_tf:=true", "frame_prefix:=left/")
     node.start()
