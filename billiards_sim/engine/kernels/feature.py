@@ -93,6 +93,16 @@ def pocket_at(state: State, x: float, y: float, reach: float) -> int:
 
 
 @kernel
+def is_clear(state: State, x: float, y: float, reach: float) -> bool:
+    """Whether a ball at (x, y) is further than a reach, m, off the lines of all rails, and so off all behind them."""
+    for k in range(RAILS):
+        feature = state.features[k]
+        if feature.offset + x * feature.normal_x + y * feature.normal_y <= reach:
+            return False
+    return True
+
+
+@kernel
 def next_feature(state: State, k: int, x: float, y: float, reach: float) -> int:
     """The first line or arc after feature k, NOBODY: of all, on whose stretch a ball at (x, y) is, or so near to it.
 

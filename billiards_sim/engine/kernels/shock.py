@@ -26,7 +26,7 @@ import math
 
 from .bounce import count_impact
 from .cells import first_neighbour, next_neighbour
-from .feature import next_feature, normal_of, overlap_with
+from .feature import is_clear, next_feature, normal_of, overlap_with
 from .impact import collide_feature
 from .island import release_ball
 from .kernel import kernel
@@ -608,52 +608,66 @@ def _friction_of(
 @kernel
 def take_step(state: State, constants: Constants, i: int, now: float) -> None:
     """Begin a step of the island of ball i, which is at `now`, with all who begin to touch it."""
-    touches, count = _gather(state, i)
-    k = 0
-    while k < count:
-        if _touch_neighbours(state, constants, state.members[k].ball, now):
-            touches, count = _gather(state, i)
-            k = 0
-        else:
-            k += 1
-    for k in range(count):
-        _set_out(state, constants, state.members[k].ball)
-    step = _step_of(state, constants, touches, count, now)
+    step = 0.0
+    touches, count = 0, 0
+    while step == 0.0:
+        touches, count = _gather(state, i)
+        for k in range(count):
+            _set_out(state, constants, state.members[k].ball)
+        step = _step_of(state, constants, touches, count, now)
     _integrate(state, constants, touches, count, step)
     for k in range(count):
         state.balls[state.members[k].ball].phase_end = now + step
 
 
 @kernel
-def _touch_neighbours(state: State, constants: Constants, i: int, now: float) -> bool:
-    # Add a touch of ball i, of the island, that begins now; returns whether there was one.
-    ball = state.balls[i]
-    k = next_feature(state, NOBODY, ball.x, ball.y, NEAR)
-    while k != NOBODY:
-        nx, ny = normal_of(state, k, ball.x, ball.y)
-        closing = -(ball.vx * nx + ball.vy * ny)
-        meets = closing > constants.least_approach and -overlap_with(state, k, ball.x, ball.y) <= NEAR
-        if meets and not _is_pushed_by(state, i, k):
-            _add_touch(state, constants, i, -1 - k)
-            return True
-        k = next_feature(state, k, ball.x, ball.y, NEAR)
-    j = first_neighbour(state, constants, i)
-    while j != NOBODY:
-        meets = j != i and state.balls[j].phase != OFF_TABLE and _closes_on(state, constants, i, j, now)
-        if meets and not _is_touching(state, i, j):
-            advance_to(state, constants, j, now)
-            release_ball(state, j)
-            _add_touch(state, constants, min(i, j), max(i, j))
-            return True
-        j = next_neighbour(state, constants, i, j)
-    return False
+def _time_to_touch(state: State, constants: Constants, count: int, now: float) -> float:
+    # How long it takes until somebody begins to touch an island, s; 0 where that is now, and is added to the touches.
+    first = INF
+    for k in range(count):
+        i = state.members[k].ball
+        first = min(first, _time_to_feature(state, constants, i))
+        if first == 0.0:
+            return 0.0
+        j = first_neighbour(state, constants, i)
+        while j != NOBODY:
+            other = state.balls[j]
+            looks_at_me = j < i and other.touches > 0 and other.phase_end <= now  # it is of the island, or due now, too
+            if j != i and not looks_at_me and other.phase != OFF_TABLE:
+                gap, closing, faster = _way_to(state, constants, i, j, now)
+                if gap > NEAR and gap < LOOK:
+                    if not _is_touching(state, i, j):
+                        first = min(first, max(_time_for(gap, closing, faster), SHORTEST))
+                elif gap <= NEAR and closing > constants.least_approach and not _is_touching(state, i, j):
+                    advance_to(state, constants, j, now)
+                    release_ball(state, j)
+                    _add_touch(state, constants, min(i, j), max(i, j))
+                    return 0.0
+            j = next_neighbour(state, constants, i, j)
+    return first
 
 
 @kernel
-def _closes_on(state: State, constants: Constants, i: int, j: int, now: float) -> bool:
-    # Whether ball j is where ball i is, and they approach.
-    gap, closing, _ = _way_to(state, constants, i, j, now)
-    return gap <= NEAR and closing > constants.least_approach
+def _time_to_feature(state: State, constants: Constants, i: int) -> float:
+    # The same of ball i and what stands on the table.
+    first = INF
+    ball, stage = state.balls[i], state.stages[i]
+    if is_clear(state, ball.x, ball.y, LOOK):
+        return first
+    k = next_feature(state, NOBODY, ball.x, ball.y, LOOK)
+    while k != NOBODY:
+        gap = -overlap_with(state, k, ball.x, ball.y)
+        if gap < LOOK:
+            nx, ny = normal_of(state, k, ball.x, ball.y)
+            closing = -(ball.vx * nx + ball.vy * ny)
+            if gap > NEAR:
+                if not _is_pushed_by(state, i, k):
+                    first = min(first, max(_time_for(gap, closing, -(stage.fx * nx + stage.fy * ny)), SHORTEST))
+            elif closing > constants.least_approach and not _is_pushed_by(state, i, k):
+                _add_touch(state, constants, i, -1 - k)
+                return 0.0
+        k = next_feature(state, k, ball.x, ball.y, LOOK)
+    return first
 
 
 @kernel
@@ -722,7 +736,7 @@ def forget_touches(state: State, constants: Constants, i: int, now: float) -> No
 
 @kernel
 def _step_of(state: State, constants: Constants, touches: int, count: int, now: float) -> float:
-    # How long the forces of an island are smooth, and are followed well.
+    # How long the forces of an island are smooth, and are followed well; 0 where a touch was added.
     for k in range(count):
         stage = state.stages[state.members[k].ball]
         stage.dx = 0.0
@@ -730,7 +744,9 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
         stage.ux = stage.start_vx
         stage.uy = stage.start_vy
     _evaluate(state, constants, touches, count, 0.0)
-    step = INF
+    step = min(LONGEST, _time_to_touch(state, constants, count, now))
+    if step == 0.0:
+        return 0.0
     for c in range(touches):
         touch = state.touches[c]
         depth = max(touch.reach - _gap(state, touch), 0.0)
@@ -745,25 +761,6 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
         step = min(step, own)
         if opening > 0.0 and depth > 0.0:
             step = min(step, max(_time_for(depth, opening, _opening_acceleration(state, touch)), SHORTEST))
-    for k in range(count):
-        i = state.members[k].ball
-        j = first_neighbour(state, constants, i)
-        while j != NOBODY:
-            if j != i and state.balls[j].phase != OFF_TABLE:
-                gap, closing, faster = _way_to(state, constants, i, j, now)
-                if gap < LOOK and gap > NEAR and not _is_touching(state, i, j):
-                    step = min(step, max(_time_for(gap, closing, faster), SHORTEST))
-            j = next_neighbour(state, constants, i, j)
-        ball, stage = state.balls[i], state.stages[i]
-        f = next_feature(state, NOBODY, ball.x, ball.y, LOOK)
-        while f != NOBODY:
-            gap = -overlap_with(state, f, ball.x, ball.y)
-            if gap > NEAR and gap < LOOK and not _is_pushed_by(state, i, f):
-                nx, ny = normal_of(state, f, ball.x, ball.y)
-                closing = -(ball.vx * nx + ball.vy * ny)
-                step = min(step, max(_time_for(gap, closing, -(stage.fx * nx + stage.fy * ny)), SHORTEST))
-            f = next_feature(state, f, ball.x, ball.y, LOOK)
-    step = min(step, LONGEST)
     for c in range(touches):
         if _ends_with(state, state.touches[c], step):
             state.touches[c].kink = True
