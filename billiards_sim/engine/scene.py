@@ -263,8 +263,12 @@ def _check_no_overlap(scene: Scene) -> None:
         distances = np.hypot(*(ordered[rank + 1 : end] - position).T)
         if distances.size and diameter - distances.min() > OVERLAP_TOLERANCE:
             first, second = sorted((int(by_x[rank]), int(by_x[rank + 1 + int(np.argmin(distances))])))
-            raise ValueError(
-                f"balls {scene.names[first]!r} and {scene.names[second]!r} overlap by "
-                f"{diameter - distances.min():.6g} m: their centres are {distances.min():.9g} m apart, "
-                f"two radii are {diameter:.9g} m"
-            )
+            raise ValueError(overlap_of(scene.names[first], scene.names[second], float(distances.min()), diameter))
+
+
+def overlap_of(first: str, second: str, distance: float, diameter: float) -> str:
+    """What is wrong with two balls whose centres are so far apart, m."""
+    return (
+        f"balls {first!r} and {second!r} overlap by {diameter - distance:.6g} m: their centres are {distance:.9g} m "
+        f"apart, two radii are {diameter:.9g} m"
+    )

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import starmap
 from time import perf_counter
@@ -41,7 +41,7 @@ from billiards_sim.engine.moment import (
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.quantity import listed, numbers, seconds, shown
 from billiards_sim.engine.recorder import Recorder, blank_tape
-from billiards_sim.engine.scene import Scene, Shot
+from billiards_sim.engine.scene import OVERLAP_TOLERANCE, Scene, Shot, overlap_of
 from billiards_sim.engine.scene_file import save_scene
 from billiards_sim.engine.tables import Packed, as_tuple, column, columns, copy_block, get_field, join_rows, set_fields
 
@@ -248,13 +248,33 @@ class Simulation:
         return self._scene.physics.kinetic_energy(self.velocities, self.angular_velocities)
 
     def scene(self) -> Scene:
-        """The present state as a scene, without a shot: to save, to edit, to start from."""
+        """The present state as a scene, without a shot: to save, to edit, to start from.
+
+        Raises:
+            ValueError: balls are in the middle of an elastic contact, which a scene cannot hold.
+        """
+        pressing = np.flatnonzero(self._pressing)
+        if len(pressing):
+            names = listed([self._scene.names[index] for index in pressing])
+            raise ValueError(
+                f"at {self.time:.9g} s balls {names} are in the middle of an elastic contact, which a scene cannot "
+                "hold: it ends within some 1e-3 s"
+            )
+        return self._scene_of(self.positions, self.velocities, self.angular_velocities, self.in_play)
+
+    def _scene_of(
+        self,
+        positions: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        spins: NDArray[np.float64],
+        in_play: NDArray[np.bool_],
+    ) -> Scene:
         return replace(
             self._scene,
-            positions=self.positions,
-            velocities=self.velocities,
-            angular_velocities=self.angular_velocities,
-            in_play=self.in_play,
+            positions=positions,
+            velocities=velocities,
+            angular_velocities=spins,
+            in_play=in_play,
             shot=None,
         )
 
@@ -362,14 +382,14 @@ class Simulation:
         """
         if not isinstance(positions, Mapping):
             raise ValueError(f"positions must be a map of names to (x, y), got {shown(positions)}")
-        scene = self.scene()
-        places, velocities, spins = scene.positions.copy(), scene.velocities.copy(), scene.angular_velocities.copy()
-        in_play = scene.in_play.copy()
+        places, velocities, spins = self.positions, self.velocities, self.angular_velocities
+        in_play, pressing = self.in_play, self._pressing
         for name, position in positions.items():
             index = self._index(name)
             places[index] = numbers(f"position of ball {name!r}", position, 2)
-            velocities[index], spins[index], in_play[index] = 0.0, 0.0, True
-        replace(scene, positions=places, velocities=velocities, angular_velocities=spins, in_play=in_play)  # checks it
+            velocities[index], spins[index], in_play[index], pressing[index] = 0.0, 0.0, True, False
+        self._scene_of(places, velocities, spins, in_play & ~pressing)  # checks it
+        self._check_room(positions, places, pressing)
         before = self._now.with_log_taken()
         now = begun_anew(before) if self.at_rest else copied(before)
         for name in positions:
@@ -416,6 +436,20 @@ class Simulation:
             played = self._play(asked, budget, recorder)
         self._now, events = self._handing_over(*((asked, rest) if played else (self._now.asked, self._now.rest)))
         return events
+
+    @property
+    def _pressing(self) -> NDArray[np.bool_]:
+        # (N,) whether each ball is in the middle of an elastic contact, where bodies reach into each other.
+        return column(self._now.state.balls, "touches") > 0
+
+    def _check_room(self, names: Iterable[str], places: NDArray[np.float64], pressing: NDArray[np.bool_]) -> None:
+        # Whether balls have room beside those that a scene cannot hold.
+        diameter = 2.0 * self._scene.physics.radius
+        for name in names:
+            for index in np.flatnonzero(pressing):
+                distance = math.dist(places[self._index(name)], places[index])
+                if diameter - distance > OVERLAP_TOLERANCE:
+                    raise ValueError(overlap_of(name, self._scene.names[index], distance, diameter))
 
     @property
     def _moves(self) -> bool:

@@ -273,3 +273,49 @@ def test_rigid_scenes_have_no_room_for_elastic_contacts() -> None:
     moment = bs.Simulation(bs.scenes.head_on()).snapshot().moment
     assert len(moment.state.touches) == 0
     assert len(moment.state.stages) == 0
+
+
+# In the middle of a contact
+
+
+def in_mid_contact() -> bs.Simulation:
+    """Two balls have touched each other and not parted yet, a third one stands by."""
+    scene = bs.Scene([[0.5, 0.6], [0.6, 0.6], [1.5, 0.3]], physics=bs.Physics.pool())
+    simulation = bs.Simulation(scene)
+    simulation.shoot(8.0, 0.0)
+    touch = next(event for event in simulation.copy().run() if event.kind == "ball_ball").time
+    simulation.advance(touch - 1e-4)
+    return simulation
+
+
+def test_a_scene_holds_no_balls_in_mid_contact() -> None:
+    simulation = in_mid_contact()
+    with pytest.raises(
+        ValueError, match="balls cue, 1 are in the middle of an elastic contact, which a scene cannot hold"
+    ):
+        simulation.scene()
+    simulation.advance(1e-3)
+    assert len(simulation.scene()) == 3
+
+
+def test_balls_are_laid_down_beside_others_in_mid_contact() -> None:
+    simulation, undisturbed = in_mid_contact(), in_mid_contact()
+    simulation.place({"2": (1.6, 0.3)})
+    place = simulation.positions[1] + [0.0, 2.0 * simulation.start_scene.physics.radius - 1e-4]
+    with pytest.raises(ValueError, match="balls '2' and '1' overlap by 0.0001 m"):
+        simulation.place({"2": place})
+    undisturbed.run()
+    simulation.run()
+    assert np.array_equal(simulation.positions[:2], undisturbed.positions[:2])
+    assert simulation.positions[2].tolist() == [1.6, 0.3]
+
+
+def test_a_ball_that_is_taken_out_of_a_contact_leaves_the_impulse_so_far() -> None:
+    simulation = in_mid_contact()
+    simulation.place({"1": (1.5, 0.9)})
+    left = simulation.velocities[0, 0]
+    (event,) = [event for event in simulation.run() if event.kind == "ball_ball"]
+    mass = simulation.start_scene.physics.mass
+    assert event.impulse == pytest.approx(mass * (event.approach_speed - left), rel=1e-4)  # the cloth took the rest
+    assert 0.0 < left < event.approach_speed
+    assert simulation.positions[1] == pytest.approx([1.5, 0.9], abs=1e-15)
