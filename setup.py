@@ -56,6 +56,7 @@ setup(
             "pytest-xdist",
             "hypothesis",
             "rosbags",
+            "distributed",  # Dask
             "scipy",
             "mpmath>=1.4",
             "ruff~=0.17.6",

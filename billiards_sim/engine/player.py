@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -12,12 +13,13 @@ from numpy.typing import NDArray
 
 from billiards_sim.engine import machine
 from billiards_sim.engine.kernels.batch import PLAYED, TOO_LONG, Batch, play_batch
-from billiards_sim.engine.kernels.state import INF, NOBODY, PARTS, RAILS, Record
+from billiards_sim.engine.kernels.state import AT_REST, INF, NOBODY, OFF_TABLE, PARTS, RAILS, Record
 from billiards_sim.engine.moment import begun_anew, start
 from billiards_sim.engine.noise import ShooterNoise
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.shots import blows, refusals
 from billiards_sim.engine.simulation import Simulation, StallError
+from billiards_sim.engine.starts import Starts
 from billiards_sim.engine.tables import Packed, blank, column, columns, copy_rows, get_field, set_columns, set_fields
 
 REFUSED = 1
@@ -31,6 +33,10 @@ ROWS = 128
 
 EVENT_ROWS = 32_768
 """Events that a player keeps before it hands them over, where they are asked for."""
+
+MOST_WORK = 1_000_000
+"""Of a shot, some tens of milliseconds: a break takes 3 000, with elastic contacts 20 000. What takes more is played
+as a simulation."""
 
 START = ("x", "y", "vx", "vy", "wx", "wy", "wz", "phase", "reported")
 STROKE = ("fx", "fy", "fz", "along", "side", "up")
@@ -46,6 +52,7 @@ class Job(NamedTuple):
     samples: int
     entropy: int
     events: bool
+    starts: bool  # whether each shot begins elsewhere
 
 
 class Piece(NamedTuple):
@@ -53,6 +60,7 @@ class Piece(NamedTuple):
 
     job: Job
     shots: NDArray[np.float64]  # (K, 5), all that the rows are of
+    starts: Starts | None  # of these shots
     first: int  # row
     end: int
 
@@ -72,12 +80,13 @@ class Played(NamedTuple):
     logs: list[Sequence[Record]] | None
 
     @classmethod
-    def blank(cls, rows: int, scene: Scene, error: int, events: bool) -> Played:
-        """Of rows that are not played."""
+    def blank(cls, in_play: NDArray[np.bool_], error: int, events: bool) -> Played:
+        """Of rows that are not played, with (rows, N) what is in play before."""
+        rows, count = in_play.shape
         return cls(
-            np.full((rows, len(scene), 2), math.nan),
-            np.tile(scene.in_play, (rows, 1)),
-            np.full((rows, len(scene)), -1, np.int8),
+            np.full((rows, count, 2), math.nan),
+            in_play,
+            np.full((rows, count), -1, np.int8),
             np.full(rows, math.nan),
             np.zeros(rows, np.int32),
             np.full(rows, NOBODY, np.int32),
@@ -87,16 +96,25 @@ class Played(NamedTuple):
         )
 
 
-def play_piece(piece: Piece, players: list[Player] | None = None) -> Played:
-    """Play the rows of a piece. `players` are idle ones of the same job, who may be used, one a thread."""
+class Idle(threading.local):
+    """Who has played the last piece in this thread, and with which job: pieces of one come one after the other."""
+
+    job: Job | None = None
+    player: Player | None = None
+
+
+_idle = Idle()
+
+
+def play_piece(piece: Piece) -> Played:
+    """Play the rows of a piece; what an executor is given to do."""
     if not machine.is_ready():
         machine.compile()
-    player = players.pop() if players else Player(piece.job)
-    try:
-        return player.play(piece)
-    finally:
-        if players is not None:
-            players.append(player)
+    player = _idle.player if _idle.player is not None and _idle.job == piece.job else Player(piece.job)
+    _idle.player = None  # until it has played: an exception may leave it half way
+    played = player.play(piece)
+    _idle.job, _idle.player = piece.job, player
+    return played
 
 
 class Player:
@@ -113,21 +131,23 @@ class Player:
         self._batch = blank(
             Batch,
             packed,
-            start=count,
+            start=ROWS * count if job.starts else count,
             strokes=ROWS,
             outcomes=ROWS,
             places=ROWS * count,
             reel=1,
             events=EVENT_ROWS if job.events else 0,
         )
-        for name in START:
+        for name in START if not job.starts else ():
             set_columns(self._batch.start, (name,), column(self._state.balls, name)[:, np.newaxis])
 
     def play(self, piece: Piece) -> Played:
         """The rows of a piece."""
         job = self._job
-        played = Played.blank(piece.end - piece.first, job.scene, 0, job.events)
-        shots = self._shots(piece)
+        shots, of_shot = self._shots(piece), np.arange(piece.first, piece.end) // job.samples
+        of_shot -= of_shot[0]
+        in_play = np.tile(job.scene.in_play, (len(shots), 1)) if piece.starts is None else piece.starts.in_play[of_shot]
+        played = Played.blank(in_play, 0, job.events)
         reasons = refusals(shots, job.scene.physics)
         for row, reason in reasons.items():
             aside = math.hypot(*shots[row, 2:4].tolist())
@@ -136,7 +156,9 @@ class Player:
         good = np.flatnonzero(played.error == 0)
         for first in range(0, len(good), ROWS):
             rows = good[first : first + ROWS]
-            self._play_rows(rows, blows(shots[rows], job.scene.physics), played)
+            if piece.starts is not None:
+                self._lay_out(piece.starts.positions[of_shot[rows]], in_play[rows])
+            self._play_rows(rows, blows(shots[rows], job.scene.physics), played, piece.starts, of_shot)
         return played
 
     def _shots(self, piece: Piece) -> NDArray[np.float64]:
@@ -149,7 +171,21 @@ class Player:
         sampled = noise.samples(piece.shots, shot, samples, self._job.entropy).reshape(-1, 5)
         return sampled[skipped : skipped + piece.end - piece.first]
 
-    def _play_rows(self, rows: NDArray[np.intp], strokes: NDArray[np.float64], played: Played) -> None:
+    def _lay_out(self, positions: NDArray[np.float64], in_play: NDArray[np.bool_]) -> None:
+        places = (positions - self._job.scene.table.centre).reshape(-1, 2)
+        phases = np.where(in_play, AT_REST, OFF_TABLE).reshape(-1, 1)
+        start = self._batch.start[: len(places)]
+        set_columns(start, ("x", "y"), places)
+        set_columns(start, ("phase",), phases)  # all else is 0
+
+    def _play_rows(
+        self,
+        rows: NDArray[np.intp],
+        strokes: NDArray[np.float64],
+        played: Played,
+        starts: Starts | None,
+        of_shot: NDArray[np.intp],
+    ) -> None:
         job, batch = self._job, self._batch
         count = len(rows)
         set_columns(batch.strokes[:count], STROKE, strokes)
@@ -158,7 +194,7 @@ class Player:
         while done < count:
             set_fields(batch.reel, 0, events=0)
             before = done
-            done = machine.call(play_batch, batch, self._state, self._index, before, count, until)
+            done = machine.call(play_batch, batch, self._state, self._index, before, count, until, MOST_WORK)
             if played.logs is not None:
                 self._unload(rows, before, done, played.logs)
         outcomes, places = batch.outcomes[:count], batch.places[: count * len(job.scene)]
@@ -170,7 +206,8 @@ class Player:
         played.event_count[rows] = column(outcomes, "events")
         played.first_hit[rows] = column(outcomes, "first_hit")
         for k in np.flatnonzero(column(outcomes, "status") == TOO_LONG).tolist():
-            self._play_alone(int(rows[k]), strokes[k].tolist(), played)
+            scene = job.scene if starts is None else starts.scene(job.scene, of_shot[rows[k]])
+            self._play_alone(int(rows[k]), scene, strokes[k].tolist(), played)
 
     def _unload(self, rows: NDArray[np.intp], first: int, end: int, logs: list[Any]) -> None:
         at = 0
@@ -180,16 +217,16 @@ class Player:
                 logs[rows[k]] = copy_rows(self._batch.events[at : at + count])
                 at += count
 
-    def _play_alone(self, row: int, stroke: list[float], played: Played) -> None:
+    def _play_alone(self, row: int, scene: Scene, stroke: list[float], played: Played) -> None:
         # As a simulation, which has guards, can be interrupted, and has room for every event.
         job = self._job
         fx, fy, fz, _, side, up = stroke
-        simulation = Simulation(job.scene)
+        simulation = Simulation(scene)
         simulation.strike((fx, fy, fz), (side, up), job.ball)
         try:
             events = simulation.run(job.until)
         except StallError as error:
-            self._mark(row, STALLED, str(error), played)
+            self._mark(row, STALLED, str(error), scene, played)
             return
         off_table = ~simulation.in_play
         mouths = np.where(off_table, column(simulation._now.state.balls, "feature"), 0)
@@ -204,8 +241,8 @@ class Player:
         if played.logs is not None:
             played.logs[row] = events._table
 
-    def _mark(self, row: int, error: int, reason: str, played: Played) -> None:
-        blank = Played.blank(1, self._job.scene, error, False)
+    def _mark(self, row: int, error: int, reason: str, scene: Scene, played: Played) -> None:
+        blank = Played.blank(scene.in_play[np.newaxis], error, False)
         for name, value in blank._asdict().items():
             if isinstance(value, np.ndarray):
                 getattr(played, name)[row] = value[0]

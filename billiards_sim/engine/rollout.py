@@ -11,16 +11,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from billiards_sim.engine import machine
 from billiards_sim.engine.kernels.state import Record
 from billiards_sim.engine.noise import ShooterNoise
-from billiards_sim.engine.player import MISSING, Job, Piece, Played, Player, play_piece
+from billiards_sim.engine.player import MISSING, Job, Piece, Played, play_piece
 from billiards_sim.engine.quantity import listed, seconds, shown
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.shots import Shots, refusals
 from billiards_sim.engine.simulation import EventLog, Simulation, check_comes_to_rest
+from billiards_sim.engine.starts import Starts
 
 ERRORS = ("", "refused", "miscue", "stalled", "missing")
 """What the numbers in `Rollout.error` mean."""
@@ -34,7 +35,7 @@ PIECES_AHEAD = 4
 """Pieces that each thread has before it at any time, if they stay as large: the rows that are left, in ever smaller
 pieces, so that none has much to do when the others are through."""
 
-PIECES = 256
+PIECES = 64
 """Of a rollout on an executor whose workers nobody can count."""
 
 REASONS_SHOWN = 5
@@ -143,6 +144,8 @@ def rollout(
     scene: Scene,
     shots: Shots,
     *,
+    positions: ArrayLike | None = None,
+    in_play: ArrayLike | None = None,
     until: float | None = None,
     noise: ShooterNoise | None = None,
     samples: int = 1,
@@ -159,6 +162,8 @@ def rollout(
     Args:
         scene: where each begins. The struck ball must rest; others may move.
         shots: as `Simulation.shoot` takes them.
+        positions, in_play: (M, N, 2) m, and (M, N): where the balls lie at rest before each shot, and which are on the
+            table, in place of what the scene has.
         until: s; None: until everything rests.
         noise: of the shooter. The errors of a shot depend on `seed` and its index alone.
         samples: how often each shot is played, with other errors each time; more than 1 needs noise.
@@ -177,18 +182,22 @@ def rollout(
         BrokenRollout: an executor broke; it has what was played.
         ValueError: another argument is wrong.
     """
-    job = _job(scene, shots, until, noise, samples, seed, events, ball)
+    given = positions is not None or in_play is not None
+    job = _job(scene, shots, until, noise, samples, seed, events, ball, given)
     if on_error not in ON_ERROR:
         raise ValueError(f"on_error must be one of {', '.join(ON_ERROR)}, got {shown(on_error)}")
     if piece is not None and not (_is_whole(piece) and piece >= 1):
         raise ValueError(f"piece must be a whole number >= 1, got {shown(piece)}")
-    wanted = shots.columns()
+    wanted, starts = shots.columns(), Starts.of(scene, len(shots), positions, in_play)
     bad = refusals(wanted, scene.physics)
+    if starts is not None:
+        bad = dict(sorted({**starts.refusals(scene, ball), **bad}.items()))
     if bad and on_error == "raise":
         raise BadShots(bad, len(shots))
     wanted[list(bad)] = np.nan  # whatever noise is added
-    whole = Played.blank(len(shots) * samples, scene, MISSING, events)
-    trouble = _play_all(job, wanted, whole, executor, piece, progress)
+    before = np.tile(scene.in_play, (len(shots), 1)) if starts is None else starts.in_play
+    whole = Played.blank(np.repeat(before, samples, axis=0), MISSING, events)
+    trouble = _play_all(job, wanted, starts, whole, executor, piece, progress)
     for index, reason in bad.items():
         for row in whole.reasons.keys() & set(range(index * samples, (index + 1) * samples)):
             whole.reasons[row] = reason
@@ -208,6 +217,7 @@ def _job(
     seed: int | None,
     events: bool,
     ball: str,
+    starts: bool,
 ) -> Job:
     for name, value, kind in (("scene", scene, Scene), ("shots", shots, Shots)):
         if not isinstance(value, kind):
@@ -224,11 +234,14 @@ def _job(
         check_comes_to_rest(scene.physics)
     else:
         until = seconds("until", until)
-    Simulation(scene).check_rests(ball)
+    if not starts:
+        Simulation(scene).check_rests(ball)
+    elif ball not in scene.names:
+        raise ValueError(f"no ball is named {shown(ball)}; the balls are {listed(scene.names)}")
     if seed is None:
         drawn: Any = np.random.SeedSequence().entropy if noise is not None else 0
         seed = drawn
-    return Job(scene, ball, until, noise, int(samples), int(seed), events)
+    return Job(scene, ball, until, noise, int(samples), int(seed), events, starts)
 
 
 def _is_whole(value: Any) -> bool:
@@ -236,7 +249,13 @@ def _is_whole(value: Any) -> bool:
 
 
 def _play_all(
-    job: Job, shots: NDArray[np.float64], whole: Played, executor: Executor | None, piece: int | None, progress: bool
+    job: Job,
+    shots: NDArray[np.float64],
+    starts: Starts | None,
+    whole: Played,
+    executor: Executor | None,
+    piece: int | None,
+    progress: bool,
 ) -> BaseException | None:
     # Into `whole`; returns the first thing that went wrong.
     rows = len(whole.error)
@@ -248,17 +267,16 @@ def _play_all(
             bounds = _equal(rows, piece) if piece is not None else _shrinking(rows, workers)
             executor = ThreadPoolExecutor(workers, "billiards_sim rollout")
             stack.callback(executor.shutdown, cancel_futures=True)
-            players: tuple[list[Player], ...] = ([],)
         else:
             even = -(-rows // PIECES)
             bounds = _equal(rows, piece if piece is not None else min(max(even, LEAST_PIECE), MOST_PIECE))
-            players = ()
         pending: dict[Future[Played], tuple[int, int]] = {}
         trouble: BaseException | None = None
         try:
             for first, end in bounds:
-                some = shots[first // job.samples : -(-end // job.samples)]
-                pending[executor.submit(play_piece, Piece(job, some, first, end), *players)] = first, end
+                some = slice(first // job.samples, -(-end // job.samples))
+                begun = None if starts is None else Starts(starts.positions[some], starts.in_play[some])
+                pending[executor.submit(play_piece, Piece(job, shots[some], begun, first, end))] = first, end
         except RuntimeError as error:  # it is broken, or shut down
             trouble = error
         try:

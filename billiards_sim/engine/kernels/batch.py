@@ -26,9 +26,6 @@ TOO_LONG = 1
 SLICE = 50_000
 """Work of one call of the loop."""
 
-MOST_WORK = 1_000_000
-"""Of a shot, some tens of milliseconds: a break takes 3 000, with elastic contacts 20 000."""
-
 
 @dataclass(slots=True)
 class Start:
@@ -85,31 +82,33 @@ class Reel:
 
 
 class Batch(NamedTuple):
-    """Shots and what became of them. `start` has a row a ball, `places` a row a ball of each shot, `reel` one row."""
+    """Shots and what became of them."""
 
-    start: Sequence[Start]
+    start: Sequence[Start]  # a row a ball, or a row a ball of each shot
     strokes: Sequence[Stroke]
     outcomes: Sequence[Outcome]
-    places: Sequence[Place]
-    reel: Sequence[Reel]
+    places: Sequence[Place]  # a row a ball of each shot
+    reel: Sequence[Reel]  # one row
     events: Sequence[Record]  # of all shots, one after the other; none where nobody asks for them
 
 
 @kernel
-def play_batch(batch: Batch, state: State, i: int, first: int, end: int, until: float) -> int:
+def play_batch(batch: Batch, state: State, i: int, first: int, end: int, until: float, most: int) -> int:
     """Play the shots `first` to `end` at ball i, each up to a time, s, or to rest where that is INF.
+
+    A shot that takes more work than `most` is left.
 
     Returns the shot at which there was no more room for events, else `end`.
     """
-    count = len(batch.start)
+    count = len(state.balls)
     for m in range(first, end):
-        _lay_out(batch, state)
+        _lay_out(batch, state, m * count if len(batch.start) > count else 0)
         stroke = batch.strokes[m]
         strike(state, i, 0.0, stroke.fx, stroke.fy, stroke.fz, stroke.along, stroke.side, stroke.up)
         outcome = batch.outcomes[m]
         before = batch.reel[0].events
         outcome.first_hit = NOBODY
-        outcome.status = _play(batch, state, outcome, i, until)
+        outcome.status = _play(batch, state, outcome, i, until, most)
         if outcome.status != PLAYED:
             batch.reel[0].events = before
             if before > 0:
@@ -128,11 +127,11 @@ def play_batch(batch: Batch, state: State, i: int, first: int, end: int, until: 
 
 
 @kernel
-def _lay_out(batch: Batch, state: State) -> None:
-    # The balls as at the start, and nothing predicted.
+def _lay_out(batch: Batch, state: State, first: int) -> None:
+    # The balls as at the start, whose rows begin with `first`, and nothing predicted.
     begin_anew(state)
-    for k in range(len(batch.start)):
-        ball, start = state.balls[k], batch.start[k]
+    for k in range(len(state.balls)):
+        ball, start = state.balls[k], batch.start[first + k]
         ball.x = start.x
         ball.y = start.y
         ball.vx = start.vx
@@ -146,12 +145,12 @@ def _lay_out(batch: Batch, state: State) -> None:
 
 
 @kernel
-def _play(batch: Batch, state: State, outcome: Outcome, i: int, until: float) -> int:
+def _play(batch: Batch, state: State, outcome: Outcome, i: int, until: float, most: int) -> int:
     # To the end, and take from the log what is wanted of it each time that it begins again.
     clock = state.clock[0]
     taken = 0
-    while clock.work < MOST_WORK:
-        status = run_until(state, until, taken, SLICE)
+    while clock.work < most:
+        status = run_until(state, until, taken, min(SLICE, most))
         if clock.logged > taken:  # else the log still holds what was looked at
             if outcome.first_hit == NOBODY:
                 outcome.first_hit = _first_hit(state, i)
