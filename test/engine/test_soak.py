@@ -5,7 +5,17 @@ from __future__ import annotations
 
 import pytest
 from checks import COMPILED
-from soak import broken_laws, run_break, run_game, run_pool_break, run_pool_scene, run_scene, run_shot
+from soak import (
+    broken_laws,
+    run_break,
+    run_elastic_break,
+    run_elastic_scene,
+    run_game,
+    run_pool_break,
+    run_pool_scene,
+    run_scene,
+    run_shot,
+)
 
 SHARE = 20 if COMPILED else 1
 
@@ -27,6 +37,13 @@ def test_scenes_and_breaks_with_every_effect_keep_the_laws_until_rest(first: int
     for seed in range(first, first + 5):
         assert broken_laws(run_pool_scene(seed)) == [], seed
         assert broken_laws(run_pool_break(seed)) == [], seed
+
+
+@pytest.mark.parametrize("first", range(0, 5 * SHARE, 5))
+def test_elastic_scenes_and_breaks_keep_the_laws_until_rest(first: int) -> None:
+    for seed in range(first, first + 5):
+        assert broken_laws(run_elastic_scene(seed)) == [], seed
+        assert broken_laws(run_elastic_break(seed)) == [], seed
 
 
 @pytest.mark.parametrize("first", range(0, 5 * SHARE, 5))

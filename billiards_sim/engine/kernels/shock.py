@@ -131,7 +131,6 @@ def _add_touch(state: State, constants: Constants, i: int, j: int) -> Touch:
     _enter(state, i)
     if j >= 0:
         _enter(state, j)
-    touch.reach = _gap(state, touch)
     touch.approach = -_opening(state, touch)
     touch.normal_x, touch.normal_y = _normal(state, touch)
     along, over = _slip(state, touch, touch.normal_x, touch.normal_y, constants)
@@ -153,14 +152,14 @@ def _enter(state: State, i: int) -> None:
 
 
 @kernel
-def _gap(state: State, touch: Touch) -> float:
-    # Distance of two centres, or what a ball is away from a feature, m.
+def _depth(state: State, constants: Constants, touch: Touch) -> float:
+    # How far two bodies press each other, m; negative where they do not touch.
     first = state.balls[touch.first]
     if touch.second < 0:
-        return -overlap_with(state, -1 - touch.second, first.x, first.y)
+        return overlap_with(state, -1 - touch.second, first.x, first.y)
     second = state.balls[touch.second]
     dx, dy = first.x - second.x, first.y - second.y
-    return math.sqrt(dx * dx + dy * dy)
+    return 2.0 * constants.radius - math.sqrt(dx * dx + dy * dy)
 
 
 @kernel
@@ -274,11 +273,10 @@ def _keep_together(state: State, constants: Constants, touch: Touch, now: float)
             rubbed = math.sqrt(touch.along * touch.along + touch.over * touch.over) / (touch.friction * pressed)
             touch.turn += (1.0 - 0.5 * rubbed) * touch.along * duration / constants.radius
     ex, ey = _turned(nx, ny, touch.turn)
-    half = 0.5 * touch.reach
     middle_x = 0.5 * (first.x + second.x + (first.vx + second.vx + 0.5 * (first.ax + second.ax) * duration) * duration)
     middle_y = 0.5 * (first.y + second.y + (first.vy + second.vy + 0.5 * (first.ay + second.ay) * duration) * duration)
-    _glide(first, middle_x + half * ex, middle_y + half * ey, now, duration)
-    _glide(second, middle_x - half * ex, middle_y - half * ey, now, duration)
+    _glide(first, middle_x + constants.radius * ex, middle_y + constants.radius * ey, now, duration)
+    _glide(second, middle_x - constants.radius * ex, middle_y - constants.radius * ey, now, duration)
 
 
 @kernel
@@ -387,7 +385,6 @@ def _copy(touch: Touch, to: Touch) -> None:
     to.first = touch.first
     to.second = touch.second
     to.alone = touch.alone
-    to.reach = touch.reach
     to.approach = touch.approach
     to.normal_x = touch.normal_x
     to.normal_y = touch.normal_y
@@ -472,15 +469,15 @@ def _drop_ended(state: State, constants: Constants, touches: int, now: float, al
     fastest = 0.0
     for c in range(touches):
         touch = state.touches[c]
-        depth = max(touch.reach - _gap(state, touch), 0.0)
+        depth = max(_depth(state, constants, touch), 0.0)
         fastest = max(fastest, free_speed(depth, _opening(state, touch), _share(touch), constants))
     rigid = fastest <= SLOW and not alone
     if rigid:
         _separate(state, constants, touches, now)
     for c in range(touches - 1, -1, -1):
         touch = state.touches[c]
-        depth = touch.reach - _gap(state, touch)
-        ended = depth <= LEAST_DEPTH and (_opening(state, touch) >= 0.0 or depth < -LEAST_DEPTH)
+        depth = _depth(state, constants, touch)
+        ended = depth <= LEAST_DEPTH and (_opening(state, touch) >= 0.0 or depth < -OFF_BY)
         if ended or rigid or alone:
             _drop(state, constants, c, now)
 
@@ -749,7 +746,7 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
         return 0.0
     for c in range(touches):
         touch = state.touches[c]
-        depth = max(touch.reach - _gap(state, touch), 0.0)
+        depth = max(_depth(state, constants, touch), 0.0)
         opening = _opening(state, touch)
         speed = free_speed(depth, opening, _share(touch), constants)
         own = (
@@ -762,15 +759,15 @@ def _step_of(state: State, constants: Constants, touches: int, count: int, now: 
         if opening > 0.0 and depth > 0.0:
             step = min(step, max(_time_for(depth, opening, _opening_acceleration(state, touch)), SHORTEST))
     for c in range(touches):
-        if _ends_with(state, state.touches[c], step):
+        if _ends_with(state, constants, state.touches[c], step):
             state.touches[c].kink = True
     return step
 
 
 @kernel
-def _ends_with(state: State, touch: Touch, step: float) -> bool:
+def _ends_with(state: State, constants: Constants, touch: Touch, step: float) -> bool:
     # Whether a touch that opens ends with a step, not after it; of symmetric ones all do.
-    depth = max(touch.reach - _gap(state, touch), 0.0)
+    depth = max(_depth(state, constants, touch), 0.0)
     opening = _opening(state, touch)
     if depth == 0.0 or opening <= 0.0:
         return False
@@ -884,7 +881,7 @@ def _evaluate(state: State, constants: Constants, touches: int, count: int, weig
         first, one = state.balls[touch.first], state.stages[touch.first]
         if touch.second < 0:
             nx, ny = normal_of(state, -1 - touch.second, first.x + one.dx, first.y + one.dy)
-            depth = touch.reach + overlap_with(state, -1 - touch.second, first.x + one.dx, first.y + one.dy)
+            depth = overlap_with(state, -1 - touch.second, first.x + one.dx, first.y + one.dy)
             if depth > 0.0:
                 push = _push(touch, depth, -(one.ux * nx + one.uy * ny), constants.rail_damping, constants)
                 touch.step_x += weight * push * nx
@@ -896,7 +893,7 @@ def _evaluate(state: State, constants: Constants, touches: int, count: int, weig
         qx = first.x - second.x + (one.dx - two.dx)
         qy = first.y - second.y + (one.dy - two.dy)
         distance = math.sqrt(qx * qx + qy * qy)
-        depth = touch.reach - distance
+        depth = 2.0 * constants.radius - distance
         if depth > 0.0:
             nx, ny = qx / distance, qy / distance
             rate = (two.ux - one.ux) * nx + (two.uy - one.uy) * ny

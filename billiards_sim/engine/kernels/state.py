@@ -153,7 +153,6 @@ class Touch:
     first: int = 0  # ball
     second: int = 0  # ball or, for feature k, -1 - k
     alone: bool = False  # nobody else can reach those who touch: it goes by the closed form
-    reach: float = 0.0  # m, distance at the first touch: nearer, they press
     approach: float = 0.0  # m/s, at the first touch
     normal_x: float = 0.0  # unit, from second to first, at the first touch
     normal_y: float = 0.0
