@@ -129,7 +129,8 @@ class Run:
         They begin at the start of the run and end with it or where the ball stays; a ball that is not in play has none.
         There is one at each event of the ball, and between two of them as many as it takes to keep the lines within
         `CHORD` of the ball at every time: a motion of acceleration a bends away from a line of duration d by
-        a/2 (d/2)^2.
+        a/2 (d/2)^2. A ball that falls has two points at that time: at the edge of the slate, and where it is from then
+        on.
 
         Raises:
             ValueError: no such ball.
@@ -140,8 +141,12 @@ class Run:
         if np.isnan(points[0, 0]):
             return np.empty((0, 3))
         stays = len(points) > 1 and np.array_equal(points[-1], points[-2])
-        path = np.column_stack((times, points))
-        return path[:-1] if stays else path
+        path = np.column_stack((times, points))[: -1 if stays else None]
+        fall = self._falls.get(ball)
+        if fall is None:
+            return path
+        place = int(np.searchsorted(path[:, 0], fall.time))  # where the ball is in the pocket already
+        return np.insert(path, place, (fall.time, *fall.point), axis=0)
 
     def _index(self, ball: str) -> int:
         if ball not in self.scene.names:
@@ -204,6 +209,10 @@ class Run:
             for ball in event.balls:
                 times[ball].append(max(event.time, self.start))
         return times
+
+    @cached_property
+    def _falls(self) -> dict[str, Event]:
+        return {event.balls[0]: event for event in self.events if event.kind == "pocketed"}
 
     @cached_property
     def _turns(self) -> Array:

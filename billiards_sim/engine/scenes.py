@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import PAPER_PHYSICS, PAPER_TABLE, Scene
 from billiards_sim.engine.table import Table
@@ -18,6 +19,10 @@ SNOOKER_TABLE = Table.snooker_12ft()
 SNOOKER_PHYSICS = Physics.snooker()
 CAROM_TABLE = Table.carom_10ft()
 CAROM_PHYSICS = Physics.carom()
+
+BREAK_SPEED = 9.0
+"""m/s, 20 mph, of the break that a game's scene brings as its shot. Where it points is chosen so that something falls
+with the table and the physics of the game."""
 
 RACK_GAP = 1e-4
 """m. Default distance between neighbours in a rack: what a well set wooden triangle leaves."""
@@ -136,13 +141,15 @@ def eight_ball(
         seed: of the random numbers for that.
         table, physics: default to a 9 ft pool table and pool.
 
+    The shot of the scene is a break, as that of every game.
+
     WPA, "Rules of play", eight ball: the 8 in the middle, a solid and a stripe in the back corners. The rest is as
     people like it.
 
     Raises:
         ValueError: `gap` or `looseness` is negative, not finite, or so large that the rack does not fit.
     """
-    return _pool("eight_ball", EIGHT_BALL_ROWS, gap, looseness, seed, table, physics)
+    return _pool("eight_ball", EIGHT_BALL_ROWS, 0.9, gap, looseness, seed, table, physics)
 
 
 def nine_ball(
@@ -154,7 +161,7 @@ def nine_ball(
     physics: Physics = POOL_PHYSICS,
 ) -> Scene:
     """Nine-ball: 9 balls in a diamond, the 1 on the foot spot, the 9 in the middle (WPA), else as `eight_ball`."""
-    return _pool("nine_ball", NINE_BALL_ROWS, gap, looseness, seed, table, physics)
+    return _pool("nine_ball", NINE_BALL_ROWS, 1.2, gap, looseness, seed, table, physics)
 
 
 def ten_ball(
@@ -166,7 +173,7 @@ def ten_ball(
     physics: Physics = POOL_PHYSICS,
 ) -> Scene:
     """Ten-ball: 10 balls in a triangle, the 1 on the foot spot, the 10 in the middle (WPA), else as `eight_ball`."""
-    return _pool("ten_ball", TEN_BALL_ROWS, gap, looseness, seed, table, physics)
+    return _pool("ten_ball", TEN_BALL_ROWS, 1.4, gap, looseness, seed, table, physics)
 
 
 def straight_pool(
@@ -178,7 +185,7 @@ def straight_pool(
     physics: Physics = POOL_PHYSICS,
 ) -> Scene:
     """14.1: 15 balls in a triangle on the foot spot, as they come (WPA), else as `eight_ball`."""
-    return _pool("straight_pool", STRAIGHT_POOL_ROWS, gap, looseness, seed, table, physics)
+    return _pool("straight_pool", STRAIGHT_POOL_ROWS, 0.9, gap, looseness, seed, table, physics)
 
 
 def snooker(
@@ -221,7 +228,8 @@ def snooker(
     apex = (pink_x + 2.0 * physics.radius + gap + 0.5 * looseness, middle_y)
     reds = _racked(SNOOKER_ROWS, apex, gap, looseness, seed, physics)
     places |= {f"red{number}": place for number, place in sorted(reds.items())}
-    return Scene(list(places.values()), names=list(places), table=table, physics=physics, name="snooker")
+    shot = Aim(3.0, math.radians(-1.25), side=-0.2).shot(physics)  # off the last red, and back to baulk
+    return Scene(list(places.values()), names=list(places), table=table, physics=physics, name="snooker", shot=shot)
 
 
 def three_cushion(*, table: Table = CAROM_TABLE, physics: Physics = CAROM_PHYSICS) -> Scene:
@@ -236,15 +244,19 @@ def three_cushion(*, table: Table = CAROM_TABLE, physics: Physics = CAROM_PHYSIC
     head_x, middle_y = table.head_spot
     places = [(head_x, middle_y - START_SPOT), table.head_spot, table.foot_spot]
     names = ("cue", "yellow", "red")
-    return Scene(places, names=names, table=table, physics=physics, name="three_cushion")
+    shot = Aim(4.5, math.radians(4.75), side=-0.4, up=0.2).shot(physics)  # red, three rails and more, yellow: it scores
+    return Scene(places, names=names, table=table, physics=physics, name="three_cushion", shot=shot)
 
 
-def _pool(name: str, rows: Rows, gap: float, looseness: float, seed: int, table: Table, physics: Physics) -> Scene:
-    # A rack on the foot spot, and the cue ball a diameter behind the head string.
+def _pool(
+    name: str, rows: Rows, angle: float, gap: float, looseness: float, seed: int, table: Table, physics: Physics
+) -> Scene:
+    # A rack on the foot spot, and the cue ball a diameter behind the head string; a break at an angle, degrees.
     balls = _racked(rows, table.foot_spot, gap, looseness, seed, physics)
     head_x, middle_y = table.head_spot
     positions = [(head_x - 2.0 * physics.radius, middle_y)] + [balls[number] for number in sorted(balls)]
-    return Scene(positions, table=table, physics=physics, name=name)
+    shot = Aim(BREAK_SPEED, math.radians(angle)).shot(physics)
+    return Scene(positions, table=table, physics=physics, name=name, shot=shot)
 
 
 def _racked(

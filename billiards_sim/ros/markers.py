@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What RViz draws: balls as spheres with stripes and trails, flashes at contacts, the table as boxes, previews."""
+"""What RViz draws: balls as spheres with stripes and trails, flashes at contacts, the table as triangles, previews."""
 
 from __future__ import annotations
 
@@ -11,12 +11,24 @@ from itertools import pairwise
 import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
+from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from billiards_sim.colours import CLOTH, STRIPE, WHITE, WOOD, ball_colour, is_striped
+from billiards_sim.colours import (
+    CLOTH,
+    HOLE,
+    MARKING,
+    RUBBER,
+    STRIPE,
+    WHITE,
+    WOOD,
+    ball_colour,
+    is_striped,
+)
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.table import Table
+from billiards_sim.outline import Polygon, outline, triangles
 from billiards_sim.quaternion import IDENTITY, product
 from billiards_sim.ros.messages import NANOSECONDS, set_stamp
 from billiards_sim.ros.preview import Preview
@@ -41,6 +53,12 @@ MOST_DASHES = 200
 
 PREVIEW_OPACITY = 0.4
 """Of the balls where a preview ends."""
+
+POCKET_DEPTH = 2.5
+"""In ball radii under the cloth, for the eye only."""
+
+SPOT_SIZE, SPOT_HEIGHT = 0.012, 0.001
+"""m, across and up, of spots and sights."""
 
 RAIL_HEIGHT = 1.25
 """In ball radii above the cloth, for the eye only: where balls touch a rail is `Table.nose_height`."""
@@ -281,34 +299,56 @@ class _Trail:
 
 
 def table_markers(table: Table, radius: float, stamp: int, frame: str) -> MarkerArray:
-    """The cloth with its surface at z = 0, and the rails x_min, x_max, y_min, y_max around it.
+    """Cloth with its surface at z = 0, cushions, rails and pockets as triangles; spots and sights as flat balls.
 
     Args:
         radius: of the balls, m.
         stamp: ns.
         frame: of the table.
     """
-    outer_x = table.x_max + table.rail_thickness
-    outer_y = table.y_max + table.rail_thickness
-    height = RAIL_HEIGHT * radius
-    boxes = [
-        ("cloth", CLOTH, (0.0, outer_x), (0.0, outer_y), (-CLOTH_THICKNESS, 0.0)),
-        ("rails", WOOD, (0.0, table.x_min), (0.0, outer_y), (0.0, height)),
-        ("rails", WOOD, (table.x_max, outer_x), (0.0, outer_y), (0.0, height)),
-        ("rails", WOOD, (table.x_min, table.x_max), (0.0, table.y_min), (0.0, height)),
-        ("rails", WOOD, (table.x_min, table.x_max), (table.y_max, outer_y), (0.0, height)),
+    parts = outline(table)
+    top, bottom = RAIL_HEIGHT * radius, -POCKET_DEPTH * radius
+    (left, right), (low, high) = parts.outer
+    frame_of_wood = np.array([(left, low), (right, low), (right, high), (left, high)])
+    meshes = [
+        ("cloth", CLOTH, [*_face(parts.cloth, 0.0), *_sides(frame_of_wood, -CLOTH_THICKNESS, 0.0)]),
+        ("cushions", RUBBER, [mesh for one in parts.cushions for mesh in (*_face(one, top), *_sides(one, 0.0, top))]),
+        ("rails", WOOD, [mesh for one in parts.wood for mesh in (*_face(one, top), *_sides(one, 0.0, top))]),
+        ("pockets", HOLE, [mesh for one in parts.holes for mesh in (*_face(one, bottom), *_sides(one, bottom, 0.0))]),
     ]
     message = MarkerArray()
-    for index, (namespace, colour, *sides) in enumerate(boxes):
-        if any(high <= low for low, high in sides):
-            continue  # rails without thickness: RViz warns of a box without one
-        marker = _marker(namespace, index, Marker.CUBE, colour)
+    for namespace, colour, faces in meshes:
+        if faces:
+            marker = _marker(namespace, 0, Marker.TRIANGLE_LIST, colour)
+            marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+            marker.points = [Point(x=x, y=y, z=z) for x, y, z in np.concatenate(faces).reshape(-1, 3).tolist()]
+            message.markers.append(marker)
+    for namespace, places, z in (
+        ("spots", np.array([table.head_spot, table.foot_spot]), 0.0),
+        ("sights", parts.sights, top),
+    ):
+        if len(places):
+            marker = _marker(namespace, 0, Marker.SPHERE_LIST, MARKING)
+            marker.scale.x = marker.scale.y = SPOT_SIZE
+            marker.scale.z = SPOT_HEIGHT
+            marker.points = [Point(x=x, y=y, z=z) for x, y in places.tolist()]
+            message.markers.append(marker)
+    for marker in message.markers:
         _set_header(marker, stamp, frame)
-        for axis, (low, high) in zip("xyz", sides):
-            setattr(marker.pose.position, axis, float(0.5 * (low + high)))
-            setattr(marker.scale, axis, float(high - low))
-        message.markers.append(marker)
     return message
+
+
+def _face(polygon: Polygon, z: float) -> list[NDArray[np.float64]]:
+    # (T, 3, 3) triangles, seen from above.
+    level = np.column_stack((polygon, np.full(len(polygon), z)))
+    return [level[triangles(polygon)]]
+
+
+def _sides(polygon: Polygon, low: float, high: float) -> list[NDArray[np.float64]]:
+    # (T, 3, 3) triangles of upright walls.
+    begin, end = polygon, np.roll(polygon, -1, axis=0)
+    corners = [np.column_stack((ends, np.full(len(ends), z))) for z in (low, high) for ends in (begin, end)]
+    return [np.stack([corners[index] for index in face], axis=1) for face in ((0, 1, 3), (0, 3, 2))]
 
 
 def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerArray:

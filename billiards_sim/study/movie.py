@@ -8,21 +8,34 @@ painted there: the ball's z axis goes through both numbers, one of them upside d
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
-from billiards_sim.colours import CLOTH, DISC, STRIPE, WHITE, WOOD, ball_colour, is_striped
+from billiards_sim.colours import (
+    CLOTH,
+    DISC,
+    HOLE,
+    MARKING,
+    RUBBER,
+    STRIPE,
+    WHITE,
+    WOOD,
+    ball_colour,
+    is_plain,
+    is_striped,
+)
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.table import Table
+from billiards_sim.outline import Polygon, outline
 from billiards_sim.quaternion import rotation_matrices
+from billiards_sim.study.falls import DURATION, Fall, falls
 from billiards_sim.study.recording import Pose, Recording, ticks
 
 FRAME_RATE = 30
@@ -37,8 +50,10 @@ SIZES = {".mp4": 1280, ".gif": 800}
 SPOT = 0.2
 """Radius of the six spots of the cue ball, in radii."""
 
+PIT_SHADE = 0.55
+"""How much darker a ball is at the bottom of a pocket."""
+
 SPOT_COLOUR = (0.75, 0.10, 0.10)
-MARKING = (0.90, 0.86, 0.76)
 BLACK = (0.06, 0.06, 0.06)
 
 LIGHT = np.array([-0.40, 0.45, 0.80])
@@ -47,10 +62,15 @@ LIGHT = np.array([-0.40, 0.45, 0.80])
 SUPERSAMPLING = 3
 """Points along a pixel's side at which a ball is looked at."""
 
+SPOT_RADIUS = 0.006
+"""m, of the spots on the cloth."""
+
 GLYPH = 128
 """Pixels of a side of the picture of a number."""
 
 Pixels = NDArray[np.float32]
+Shape: TypeAlias = tuple[Sequence[Polygon], Sequence[float]]
+"""Polygons, m, and their colour."""
 
 
 class Painter:
@@ -58,33 +78,68 @@ class Painter:
 
     Args:
         longest: pixels of the longer side of a frame; the table just fits in. Both sides are even, as video needs.
+        falls: of its balls, by their places in it.
     """
 
-    def __init__(self, scene: Scene, longest: int) -> None:
+    def __init__(self, scene: Scene, longest: int, falls: Mapping[int, Fall] | None = None) -> None:
         table = scene.table
-        outer = (table.length + 2.0 * table.rail_thickness, table.width + 2.0 * table.rail_thickness)
-        self._scale = longest / max(outer)  # px/m
-        self.width, self.height = (max(2, 2 * math.ceil(0.5 * side * self._scale - 1e-6)) for side in outer)
+        parts = outline(table)
+        sides = [high - low for low, high in parts.outer]
+        self._scale = longest / max(sides)  # px/m
+        self.width, self.height = (max(2, 2 * math.ceil(0.5 * side * self._scale - 1e-6)) for side in sides)
+        self._corner = np.array([low for low, _ in parts.outer])  # at the left bottom of the picture
+        self._falls = falls or {}
         self._radius = scene.physics.radius * self._scale  # px
         self._in_play = scene.in_play
         self._looks = [Look(name) for name in scene.names]
-        self._table = _draw_table(table, self._scale, self.width, self.height)
+        self._table = _picture(_table_shapes(table), self._scale, self._corner, (self.width, self.height))
+        # Balls in pockets show where there is neither wood nor rubber above them.
+        shapes = [(parts.holes, (1.0,) * 3), ([parts.cloth], (1.0,) * 3), (parts.cushions, (0.0,) * 3)]
+        self._open = _picture(shapes, self._scale, self._corner, (self.width, self.height))[..., :1] if falls else None
         rail = table.rail_thickness * self._scale
         self._clock_size = min(int(0.7 * rail), 24)  # px
-        self._clock_place = (int(rail), self.height - int(0.5 * rail))
+        beside = 1.5 if table.mouths else 1.0  # in rails: not in a pocket
+        self._clock_place = (int(beside * rail), self.height - int(0.5 * rail))
 
     def frame(self, pose: Pose) -> NDArray[np.uint8]:
         """(height, width, 3) red, green, blue."""
         canvas = self._table.copy()
-        centres = pose.positions * self._scale
-        centres[:, 1] = self.height - centres[:, 1]
-        for centre in centres[self._in_play]:
-            self._draw_shadow(canvas, centre)
-        balls = zip(centres, self._looks, rotation_matrices(pose.orientations), strict=True)
-        for centre, look, rotation in compress(balls, self._in_play):
-            self._draw_ball(canvas, centre, look, rotation)
+        rotations = rotation_matrices(pose.orientations)
+        fallen = {index: fall for index, fall in self._falls.items() if fall.time <= pose.time}
+        for index, fall in fallen.items():
+            place, depth = fall.at(pose.time)
+            self._draw_fallen(canvas, self._pixel(place), self._looks[index], rotations[index], depth)
+        seen = [index for index in np.flatnonzero(self._in_play).tolist() if index not in fallen]
+        for index in seen:
+            self._draw_shadow(canvas, self._pixel(pose.positions[index]))
+        for index in seen:
+            self._draw_ball(canvas, self._pixel(pose.positions[index]), self._looks[index], rotations[index])
         picture = (255.0 * canvas + 0.5).astype(np.uint8)
         return self._with_clock(picture, pose.time)
+
+    def _pixel(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        across, up = (place - self._corner) * self._scale
+        return np.array((across, self.height - up))
+
+    def _draw_fallen(
+        self,
+        canvas: Pixels,
+        centre: NDArray[np.float64],
+        look: Look,
+        rotation: NDArray[np.float64],
+        depth: float,
+    ) -> None:
+        # Darker the deeper it lies, and under cushions and wood.
+        assert self._open is not None
+        above = canvas.copy()
+        self._draw_ball(canvas, centre, look, rotation)
+        reach = math.ceil(1.5 * self._radius)
+        column, row = (max(int(part), 0) for part in centre)
+        part = (slice(max(row - reach, 0), row + reach), slice(max(column - reach, 0), column + reach))
+        shade = np.float32(1.0 - PIT_SHADE * depth)
+        changed = (canvas[part] != above[part]).any(axis=2, keepdims=True)
+        shaded = np.where(changed, canvas[part] * shade, canvas[part])
+        canvas[part] = self._open[part] * shaded + (1.0 - self._open[part]) * above[part]
 
     def _draw_shadow(self, canvas: Pixels, centre: NDArray[np.float64]) -> None:
         shift = 0.22 * self._radius
@@ -128,7 +183,7 @@ class Look:
         self._name = name
         self._colour = np.array(ball_colour(name), dtype=np.float32)
         self._striped = is_striped(name)
-        self._ink = number_picture(name)
+        self._ink = None if is_plain(name) else number_picture(name)
 
     def paint(self, points: Pixels) -> Pixels:
         """(P, 3) colours at points of the surface, (P, 3), unit vectors in the ball's own frame."""
@@ -136,6 +191,8 @@ class Look:
         x, y, z = points.T
         if self._name == "cue":
             colours[np.abs(points).max(axis=1) > math.sqrt(1.0 - SPOT**2)] = SPOT_COLOUR
+            return colours
+        if self._ink is None:
             return colours
         if self._striped:
             colours[np.abs(y) > STRIPE] = WHITE
@@ -149,7 +206,8 @@ class Look:
 
 
 def write_movie(recording: Recording, path: Path, longest: int | None = None) -> int:
-    """Film a run, 30 frames a second of simulated time, from the start to the end, both included.
+    """Film a run, 30 frames a second of simulated time, from the start to the end, both included, or until
+    every ball that falls lies in its pocket.
 
     Shows its progress on stderr where that is a terminal.
 
@@ -166,10 +224,13 @@ def write_movie(recording: Recording, path: Path, longest: int | None = None) ->
         ImportError: MP4 without imageio-ffmpeg.
     """
     ending = path.suffix.lower()
-    painter = Painter(recording.scene, longest or SIZES[ending])
-    times = frame_times(recording.start.time, recording.end.time)
-    poses = tqdm(recording.poses(times), total=len(times), desc=path.name, unit="frame", leave=False, disable=None)
-    frames = (painter.frame(pose) for pose in poses)
+    fallen = falls(recording.scene, recording.events)
+    painter = Painter(recording.scene, longest or SIZES[ending], fallen)
+    end = recording.end.time
+    times = frame_times(recording.start.time, max([end, *(fall.time + DURATION for fall in fallen.values())]))
+    poses = recording.poses(np.minimum(times, end))
+    shown = tqdm(zip(times.tolist(), poses), total=len(times), desc=path.name, unit="frame", leave=False, disable=None)
+    frames = (painter.frame(pose._replace(time=time)) for time, pose in shown)
     if ending == ".gif":
         _write_gif(path, frames, len(times))
     else:
@@ -205,34 +266,37 @@ def number_picture(name: str) -> Pixels:
     return ink
 
 
-def _draw_table(table: Table, scale: float, width: int, height: int) -> Pixels:
+def _table_shapes(table: Table) -> list[Shape]:
+    # What is painted one over the other, with its colour.
+    parts = outline(table)
+    (left, right), (low, high) = parts.outer
+    light = tuple(1.6 * part for part in CLOTH)
+    return [
+        ([np.array([(left, low), (right, low), (right, high), (left, high)])], WOOD),
+        ([parts.cloth], CLOTH),
+        (parts.holes, HOLE),
+        (parts.cushions, RUBBER),
+        ([_dot(spot, SPOT_RADIUS) for spot in (table.head_spot, table.foot_spot)], light),
+        ([_dot(sight, 0.05 * table.rail_thickness) for sight in parts.sights.tolist()], MARKING),
+    ]
+
+
+def _dot(place: Sequence[float], radius: float) -> Polygon:
+    angles = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+    return np.array(place) + radius * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def _picture(shapes: Iterable[Shape], scale: float, corner: NDArray[np.float64], size: tuple[int, int]) -> Pixels:
+    # (height, width, 3) from 0 to 1; black where no shape is.
     fine = 4
-    image = Image.new("RGB", (fine * width, fine * height), _bytes(WOOD))
+    width, height = size
+    image = Image.new("RGB", (fine * width, fine * height))
     draw = ImageDraw.Draw(image)
-
-    def pixel(x: float, y: float) -> tuple[float, float]:
-        return fine * scale * x, fine * (height - scale * y)
-
-    def dot(x: float, y: float, radius: float, colour: Sequence[float]) -> None:
-        across, down = pixel(x, y)
-        reach = fine * scale * radius
-        draw.ellipse((across - reach, down - reach, across + reach, down + reach), fill=_bytes(colour))
-
-    left, low = pixel(table.x_min, table.y_min)
-    right, high = pixel(table.x_max, table.y_max)
-    draw.rectangle((left, high, right - 1.0, low - 1.0), fill=_bytes(CLOTH))
-    spot_radius, sight_radius = 0.006, 0.1 * table.rail_thickness  # m
-    for spot in (table.head_spot, table.foot_spot):
-        dot(*spot, spot_radius, [1.6 * part for part in CLOTH])
-    half = 0.5 * table.rail_thickness
-    for eighth in range(1, 8):
-        x = table.x_min + eighth / 8.0 * table.length
-        y = table.y_min + eighth / 8.0 * table.width
-        for side in (half, table.y_max + half):
-            dot(x, side, sight_radius, MARKING)
-        for side in (half, table.x_max + half):
-            if eighth % 2 == 0:
-                dot(side, y, sight_radius, MARKING)
+    for polygons, colour in shapes:
+        for polygon in polygons:
+            places = fine * scale * (polygon - corner)
+            places[:, 1] = fine * height - places[:, 1]
+            draw.polygon([*places.ravel().tolist()], fill=_bytes(colour))
     small = image.resize((width, height), Image.Resampling.BOX)
     return np.asarray(small, dtype=np.float32) / np.float32(255.0)
 

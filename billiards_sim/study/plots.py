@@ -3,26 +3,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import compress
 from pathlib import Path
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, PathPatch, Rectangle
+from matplotlib.patches import Circle, PathPatch, Polygon, Rectangle
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
 
-from billiards_sim.colours import DISC, STRIPE, WOOD, ball_colour, is_striped
+from billiards_sim.colours import DISC, HOLE, STRIPE, WOOD, ball_colour, is_plain, is_striped
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.table import Table
+from billiards_sim.outline import outline
+from billiards_sim.study.falls import Fall, falls
 from billiards_sim.study.recording import Recording
 from billiards_sim.study.time_stepping import Array
 
 CLOTH = (0.55, 0.76, 0.66)
 """Paler than cloth is, so that green, black and white paths can all be told from it."""
+
+RUBBER = (0.43, 0.66, 0.56)
+"""Of cushions, likewise."""
 
 WIDTH = 11.0
 """in. Width of a picture; its height follows the table's, between `HEIGHTS`."""
@@ -56,10 +62,12 @@ def draw_run(recording: Recording, path: Path, title: str = "") -> None:
     figure = Figure(figsize=_size(scene.table), layout="constrained")
     axes = figure.subplots()
     draw_table(axes, scene.table)
-    _draw_paths(axes, recording)
+    fallen = falls(scene, recording.events)
+    _draw_paths(axes, recording, fallen)
     _draw_contacts(axes, recording.events)
-    for name, position in compress(zip(scene.names, recording.end.positions, strict=True), scene.in_play):
-        draw_ball(axes, position, scene.physics.radius, name)
+    for index in np.flatnonzero(scene.in_play).tolist():
+        position = fallen[index].place if index in fallen else recording.end.positions[index]
+        draw_ball(axes, position, scene.physics.radius, scene.names[index])
     axes.set_title(title)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
@@ -68,14 +76,20 @@ def draw_run(recording: Recording, path: Path, title: str = "") -> None:
 
 
 def draw_table(axes: Axes, table: Table) -> None:
-    """Cloth and rails from above, in the frame `table`, and the limits of the picture."""
-    outer = (table.x_max + table.rail_thickness, table.y_max + table.rail_thickness)
-    axes.add_patch(Rectangle((0.0, 0.0), *outer, facecolor=WOOD, zorder=0))
-    nose = (table.x_min, table.y_min)
-    axes.add_patch(Rectangle(nose, table.length, table.width, facecolor=CLOTH, zorder=1))
-    margin = 0.01 * max(outer)
-    axes.set_xlim(-margin, outer[0] + margin)
-    axes.set_ylim(-margin, outer[1] + margin)
+    """Cloth, cushions, rails and pockets from above, in the frame `table`, and the limits of the picture."""
+    parts = outline(table)
+    (left, right), (low, high) = parts.outer
+    axes.add_patch(Rectangle((left, low), right - left, high - low, facecolor=WOOD, zorder=0))
+    for polygons, colour, zorder in (
+        ([parts.cloth], CLOTH, 1.0),
+        (parts.holes, HOLE, 1.1),
+        (parts.cushions, RUBBER, 1.2),
+    ):
+        for polygon in polygons:
+            axes.add_patch(Polygon(polygon, facecolor=colour, zorder=zorder))
+    margin = 0.01 * (right - left)
+    axes.set_xlim(left - margin, right + margin)
+    axes.set_ylim(low - margin, high + margin)
     axes.set_aspect("equal")
 
 
@@ -91,10 +105,10 @@ def draw_ball(axes: Axes, centre: Array, radius: float, name: str) -> None:
         band = Rectangle(corner, 2.0 * radius, 2.0 * STRIPE * radius, facecolor=ball_colour(name), zorder=6)
         axes.add_patch(band)
         band.set_clip_path(ball)
-    if len(name) > LONGEST_NUMBER:
+    if len(name) > LONGEST_NUMBER and not is_plain(name):
         paper = {"facecolor": "white", "alpha": 0.7, "linewidth": 0.0, "pad": 1.0}
         axes.text(x, y + 1.3 * radius, name, ha="center", va="bottom", fontsize=8.0, bbox=paper, zorder=9)
-    elif name != "cue":
+    elif not is_plain(name):
         axes.add_patch(Circle((x, y), DISC * radius, facecolor="white", zorder=7))
         _draw_name(axes, x, y, DISC * radius, name)
 
@@ -109,11 +123,14 @@ def _draw_name(axes: Axes, x: float, y: float, radius: float, name: str) -> None
     axes.add_patch(PathPatch(text.transformed(place), facecolor="black", linewidth=0.0, zorder=8))
 
 
-def _draw_paths(axes: Axes, recording: Recording) -> None:
+def _draw_paths(axes: Axes, recording: Recording, fallen: Mapping[int, Fall]) -> None:
     radius = recording.scene.physics.radius
     for index, name in compress(enumerate(recording.scene.names), recording.scene.in_play):
         style = (0, (4.0, 1.0)) if is_striped(name) else "solid"
-        axes.plot(*recording.path(name)[:, 1:].T, color=ball_colour(name), linewidth=1.5, linestyle=style, zorder=2)
+        path = recording.path(name)
+        if index in fallen:
+            path = path[:-1]  # as far as the slate
+        axes.plot(*path[:, 1:].T, color=ball_colour(name), linewidth=1.5, linestyle=style, zorder=2)
         start = recording.start.positions[index].tolist()
         face, edge = (*ball_colour(name), 0.3), (0.0, 0.0, 0.0, 0.3)
         axes.add_patch(Circle(start, radius, facecolor=face, edgecolor=edge, linewidth=0.6, zorder=3))

@@ -7,6 +7,7 @@ import argparse
 import csv
 import importlib
 import json
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -203,6 +204,8 @@ def _record(scene: Scene, options: argparse.Namespace) -> Recording:
 
 
 def _write_json(recording: Recording, path: Path, options: argparse.Namespace) -> None:
+    fell = {event.balls[0] for event in recording.events if event.pocket is not None}
+    there = set(compress(recording.scene.names, recording.scene.in_play))
     document = {
         "scene": options.scene,
         "solver": options.solver,
@@ -213,6 +216,7 @@ def _write_json(recording: Recording, path: Path, options: argparse.Namespace) -
             place if in_play else None  # JSON has no nan
             for place, in_play in zip(recording.end.positions.tolist(), recording.scene.in_play)
         ],
+        "in_play": [name in there and name not in fell for name in recording.scene.names],
         "velocities": recording.end.velocities.tolist(),
         "angular_velocities": recording.end.angular_velocities.tolist(),
         "events": [asdict(event) for event in recording.events],
@@ -225,10 +229,12 @@ def _write_csv(recording: Recording, path: Path, options: argparse.Namespace) ->
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
         table.writerow(COLUMNS)
+        fell = {event.balls[0]: event.time for event in recording.events if event.pocket is not None}
         for state in recording.samples(options.sample):
             balls = (recording.scene.names, state.positions, state.velocities, state.angular_velocities)
             for name, position, velocity, spin in compress(zip(*balls, strict=True), recording.scene.in_play):
-                table.writerow((state.time, name, *position.tolist(), *velocity.tolist(), *spin.tolist()))
+                if state.time < fell.get(name, math.inf):
+                    table.writerow((state.time, name, *position.tolist(), *velocity.tolist(), *spin.tolist()))
 
 
 def _draw(recording: Recording, path: Path, options: argparse.Namespace) -> None:
@@ -253,6 +259,9 @@ def _print_summary(recording: Recording, options: argparse.Namespace) -> None:
     say(f"  solver          {options.solver}{step}")
     say(f"  simulated time  {recording.end.time:.6g} s, {'at rest' if recording.at_rest else 'balls still move'}")
     say(f"  events          {len(recording.events)}{': ' if kinds else ''}{kinds}")
+    pockets = [f"{event.balls[0]} in {event.pocket}" for event in recording.events if event.pocket is not None]
+    if pockets:
+        say(f"  pocketed        {', '.join(pockets)}")
     say(f"  wall time       {recording.wall_seconds:.3g} s")
     if not recording.events and not recording.start.velocities.any() and not recording.start.angular_velocities.any():
         say("  nothing moved: the scene has no shot; --speed V and --angle A hit the ball cue")

@@ -97,7 +97,7 @@ def test_the_frame_and_the_namespaces_are_the_messages_own() -> None:
     simulation.strike(shot.force)
     balls.note(simulation.advance(1.0))
     sent = {
-        "Table": markers.table_markers(bs.Table(), 0.03, 0, DEFAULT_FRAME),
+        "Table": markers.table_markers(bs.Table.pool_9ft(), 0.03, 0, DEFAULT_FRAME),
         "Balls": balls.update(simulation.positions.tolist(), 1),
         "Preview": preview,
     }

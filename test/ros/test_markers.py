@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 import copy
-import itertools
 import math
 from collections.abc import Sequence
 
@@ -11,7 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 import billiards_sim as bs
-from billiards_sim.colours import CLOTH, UNNUMBERED, WHITE, ball_colour
+from billiards_sim.colours import CLOTH, NAMED, UNNUMBERED, WHITE, ball_colour
 from billiards_sim.ros import markers
 
 SECOND = 1_000_000_000
@@ -294,7 +293,19 @@ def test_colours_tell_the_balls_of_a_group_apart() -> None:
     colours = [ball_colour(str(number)) for number in range(1, 9)]
     assert len({*colours, ball_colour("cue")}) == 9
     assert ball_colour("9") == ball_colour("1")
-    assert ball_colour("red") == ball_colour("16") == UNNUMBERED
+    assert ball_colour("16") == ball_colour("rosso") == UNNUMBERED
+
+
+def test_the_balls_of_snooker_and_carom_billiards_have_their_colours() -> None:
+    assert len({ball_colour(name) for name in bs.scenes.snooker().names}) == 8
+    assert len({ball_colour(name) for name in bs.scenes.three_cushion().names}) == 3
+    assert ball_colour("red") == ball_colour("red15") == NAMED["red"]
+    for scene in (bs.scenes.snooker(), bs.scenes.three_cushion()):
+        assert UNNUMBERED not in {ball_colour(name) for name in scene.names}
+        message = markers.BallMarkers(scene.names, scene.physics.radius, 30.0, "table").update(
+            scene.positions.tolist(), 0
+        )
+        assert {one.scale.x for one in message.markers} == {2.0 * scene.physics.radius}
 
 
 def lab(colour: Sequence[float]) -> np.ndarray:
@@ -307,34 +318,87 @@ def lab(colour: Sequence[float]) -> np.ndarray:
     return np.array([116.0 * root[1] - 16.0, 500.0 * (root[0] - root[1]), 200.0 * (root[1] - root[2])])
 
 
-@pytest.mark.parametrize("name", ["cue", "red", *map(str, range(1, 16))])
+@pytest.mark.parametrize("name", [*NAMED, *map(str, range(1, 16))])
 def test_every_ball_stands_out_from_the_cloth(name: str) -> None:
     # 2.3 is just noticeable; the green ball on a green cloth had 15.
     assert np.linalg.norm(lab(ball_colour(name)) - lab(CLOTH)) > 40.0
     assert np.linalg.norm(lab(markers._line_colour(name)) - lab(CLOTH)) > 20.0
 
 
-def sides(marker: Marker) -> list[tuple[float, float]]:
-    at, scale = marker.pose.position, marker.scale
-    return [(c - s / 2, c + s / 2) for c, s in ((at.x, scale.x), (at.y, scale.y), (at.z, scale.z))]
+def level_triangles(marker: Marker) -> np.ndarray:
+    """(T, 3, 3) m, those that are seen from above."""
+    assert (marker.type, marker.scale.x, marker.scale.y, marker.scale.z) == (Marker.TRIANGLE_LIST, 1.0, 1.0, 1.0)
+    corners = np.array([(point.x, point.y, point.z) for point in marker.points]).reshape(-1, 3, 3)
+    return corners[np.ptp(corners[:, :, 2], axis=1) == 0.0]
 
 
-def test_rails_frame_the_playing_area_and_do_not_overlap() -> None:
+def area(triangles: np.ndarray) -> np.ndarray:
+    """(T,) m^2, positive where they are seen from above."""
+    one, other = triangles[:, 1, :2] - triangles[:, 0, :2], triangles[:, 2, :2] - triangles[:, 0, :2]
+    return 0.5 * (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+
+
+def covers(triangles: np.ndarray, x: float, y: float) -> bool:
+    one = triangles[:, :, :2] - (x, y)
+    other = np.roll(one, -1, axis=1)
+    return bool((one[..., 0] * other[..., 1] > one[..., 1] * other[..., 0]).all(axis=1).any())
+
+
+def test_a_table_without_pockets_is_its_playing_area_framed_by_cushions_and_rails() -> None:
     table = bs.Table()
+    meshes = {
+        marker.ns: level_triangles(marker) for marker in markers.table_markers(table, 0.03, 0, "table").markers[:3]
+    }
+    assert list(meshes) == ["cloth", "cushions", "rails"]
+    assert area(meshes["cloth"]).sum() == pytest.approx(table.length * table.width, rel=1e-12)
+    assert meshes["cloth"][..., 2].max() == 0.0
+    outer = (table.length + 2 * table.rail_thickness) * (table.width + 2 * table.rail_thickness)
+    around = area(meshes["cushions"]).sum() + area(meshes["rails"]).sum()
+    assert around == pytest.approx(outer - table.length * table.width, rel=1e-12)
+    for mesh in meshes.values():
+        assert area(mesh).min() > 0.0
+    for name in ("cushions", "rails"):
+        assert set(meshes[name][..., 2].ravel()) == {markers.RAIL_HEIGHT * 0.03}
+
+
+@pytest.mark.parametrize("table", [bs.Table.pool_9ft(), bs.Table.pool_7ft(), bs.Table.snooker_12ft()])
+def test_a_ball_in_a_pocket_is_seen_from_above_and_lies_over_the_bottom(table: bs.Table) -> None:
     message = markers.table_markers(table, 0.03, 0, "table")
-    cloth, *rails = message.markers
-    assert len({(marker.ns, marker.id) for marker in message.markers}) == 5
-    assert abs(sides(cloth)[2][1]) < 1e-12
-    noses = (table.x_min, table.x_max, table.y_min, table.y_max)
-    found = (sides(rails[0])[0][1], sides(rails[1])[0][0], sides(rails[2])[1][1], sides(rails[3])[1][0])
-    assert max(abs(nose - one) for nose, one in zip(noses, found)) < 1e-12
-    for one, other in itertools.combinations(rails, 2):
-        shared = [min(a[1], b[1]) - max(a[0], b[0]) for a, b in zip(sides(one), sides(other))]
-        assert min(shared) < 1e-12
-    area = sum(marker.scale.x * marker.scale.y for marker in rails)
-    assert abs(area - (cloth.scale.x * cloth.scale.y - table.length * table.width)) < 1e-12
+    assert len(message.markers) == 6
+    meshes = {marker.ns: level_triangles(marker) for marker in message.markers[:4]}
+    assert meshes["pockets"][..., 2].max() < -2.0 * 0.03
+    for mouth in table.mouths:
+        at = (mouth.centre[0] + table.centre[0], mouth.centre[1] + table.centre[1])
+        assert [name for name in meshes if covers(meshes[name], *at)] == ["pockets"]
+    for x, y in (table.centre, table.foot_spot):  # beside them, since triangles meet there
+        assert [name for name in meshes if covers(meshes[name], x + 1e-3, y + 2e-3)] == ["cloth"]
 
 
 def test_rails_without_thickness_are_not_drawn() -> None:
     message = markers.table_markers(bs.Table(rail_thickness=0.0), 0.03, 0, "table")
-    assert [marker.ns for marker in message.markers] == ["cloth"]
+    assert [marker.ns for marker in message.markers] == ["cloth", "spots"]
+
+
+def test_what_is_sent_of_a_table_arrives_as_it_is() -> None:
+    message = markers.table_markers(bs.Table.pool_9ft(), 0.03, 0, "table")
+    arrived = deserialize_message(serialize_message(message), MarkerArray)
+    for one, other in zip(arrived.markers, message.markers, strict=True):
+        assert one.points == other.points
+        assert len({(marker.ns, marker.id) for marker in message.markers}) == len(message.markers)
+
+
+def test_a_pocketed_balls_marker_lies_in_its_pocket_and_one_off_the_table_goes() -> None:
+    balls = markers.BallMarkers(("cue", "9", "2"), 0.03, 30.0, "table")
+    balls.update([[1.0, 0.5], [1.2, 0.5], [1.4, 0.5]], 0)
+    message = balls.update([[1.1, 0.5], [0.1, 0.1], [math.nan, math.nan]], 1, None, [True, False, False])
+    found = {(one.ns, one.id): one for one in message.markers}
+    ball, stripe = found["balls", 1], found["stripes", 1]
+    for one in (ball, stripe):
+        assert (one.action, one.pose.position.x, one.pose.position.y, one.pose.position.z) == (one.ADD, 0.1, 0.1, -0.03)
+    assert ("trails", 1) not in found
+    assert found["balls", 2].action == Marker.DELETE
+    message = balls.update([[1.1, 0.5], [0.7, 0.6], [0.8, 0.6]], 2)
+    found = {(one.ns, one.id): one for one in message.markers}
+    for index, x in ((1, 0.7), (2, 0.8)):
+        one = found["balls", index]
+        assert (one.action, one.pose.position.x, one.pose.position.z) == (one.ADD, x, 0.03)

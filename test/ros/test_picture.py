@@ -125,6 +125,19 @@ def test_a_list_of_lines_has_gaps() -> None:
         assert_colour(pixel(picture, x, 1.0), *colour)
 
 
+def test_level_triangles_are_filled_and_upright_ones_are_not_seen() -> None:
+    mesh = marker(Marker.TRIANGLE_LIST, (0.0, 0.0, 0.0), 1.0, color=red())
+    square = [(1.9, 0.9), (2.1, 0.9), (2.1, 1.1), (1.9, 1.1)]
+    mesh.points = [Point(x=square[i][0], y=square[i][1], z=0.1) for i in (0, 1, 2, 0, 2, 3)]
+    mesh.points += [Point(x=1.8, y=0.9, z=0.0), Point(x=1.8, y=1.1, z=0.0), Point(x=1.8, y=1.0, z=0.5)]
+    below = marker(Marker.CUBE, (2.0, 1.0, 0.0), color=BLUE)
+    picture = drawn(mesh, below)
+    for x, y in ((1.92, 1.08), (2.08, 0.92), (2.0, 1.0), (2.05, 1.05)):
+        assert_colour(pixel(picture, x, y), 1.0, 0.0, 0.0)
+    for x, y in ((2.15, 1.0), (1.8, 1.0), (2.0, 1.15)):
+        assert_colour(pixel(picture, x, y), *GREY)
+
+
 def test_every_point_of_a_list_is_a_ball() -> None:
     spheres = marker(Marker.SPHERE_LIST, (0.0, 0.0, 0.0), color=red())
     spheres.points = [Point(x=1.9, y=1.0), Point(x=2.1, y=1.1)]

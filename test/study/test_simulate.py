@@ -99,7 +99,7 @@ def test_json_reads_back_as_the_engines_result_to_the_bit(tmp_path: Path) -> Non
     assert (document["scene"], document["solver"]) == ("rack", "event")
     assert 0.0 < document["wall_seconds"] < 10.0
     assert [*document] == [
-        *("scene", "solver", "time", "names", "positions", "velocities", "angular_velocities", "events"),
+        *("scene", "solver", "time", "names", "positions", "in_play", "velocities", "angular_velocities", "events"),
         "wall_seconds",
     ]
     assert [*document["events"][0]] == [field.name for field in dataclasses.fields(bs.Event)]

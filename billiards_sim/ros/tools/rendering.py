@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from geometry_msgs.msg import Point
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Circle, Patch, Rectangle
 from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
@@ -23,6 +23,9 @@ EDGE = 0.6
 
 LEVEL = 1e-6
 """Inclination, rad, that rounding gives to what is level or upright."""
+
+SEAM = 0.3
+"""Points, width of the lines around the triangles of a mesh."""
 
 POINTS_PER_INCH = 72
 """Of matplotlib's line widths."""
@@ -67,6 +70,8 @@ def draw(axes: Axes, shown: Iterable[Marker], view: View) -> None:
             raise ValueError(f"{name} is in frame {marker.header.frame_id!r}, not {view.frame!r}")
         if marker.type in (Marker.LINE_STRIP, Marker.LINE_LIST):
             _draw_line(axes, marker, dots_per_metre)
+        elif marker.type == Marker.TRIANGLE_LIST:
+            _draw_triangles(axes, marker)
         elif marker.type in SHAPES:
             for point in marker.points if marker.type == Marker.SPHERE_LIST else [Point()]:
                 try:
@@ -100,6 +105,18 @@ def _draw_line(axes: Axes, marker: Marker, dots_per_metre: float) -> None:
         zorder=max((point.z for point in marker.points), default=0.0),
     )
     axes.add_collection(lines)
+
+
+def _draw_triangles(axes: Axes, marker: Marker) -> None:
+    # Those that are level, by their heights; upright ones are not seen from above.
+    corners = np.array([(point.x, point.y, point.z) for point in marker.points]).reshape(-1, 3, 3)
+    colour = _rgba(marker.color)
+    level = np.ptp(corners[:, :, 2], axis=1) == 0.0
+    for height in np.unique(corners[level, 0, 2]):
+        faces = corners[level & (corners[:, 0, 2] == height), :, :2]
+        # Lines of the same colour close the seams between them.
+        found = PolyCollection(list(faces), facecolors=[colour], edgecolors=[colour], linewidths=SEAM, zorder=height)
+        axes.add_collection(found)
 
 
 def _sphere(marker: Marker, x: float, y: float) -> tuple[Patch, float]:
