@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A ball from above, painted and turned: z of the ball's own frame goes through its numbers, y is the axis of the stripe.
+// A ball from above, painted and turned: z of its own frame goes through its numbers, y is the axis of its stripe.
 
 import { axesOf } from "./motion.js";
 

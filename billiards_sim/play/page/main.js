@@ -16,7 +16,8 @@ const FINE = Math.PI / 1800; // rad, of a key
 const $ = (selector) => document.querySelector(selector);
 const canvas = $("#table");
 const view = new View(canvas);
-const state = { table: null, menu: null, preview: null, drag: null, turns: {}, turning: null, first: true };
+const state = { first: true, table: null, menu: null, preview: null, drag: null, dropped: null, turning: null };
+const turns = {}; // how the balls were turned where the last run ended, by name
 
 const server = new Server(heard, (up) => {
   document.body.classList.toggle("lost", !up);
@@ -27,10 +28,7 @@ const aim = new Aim($("#shot"), () => {
   draw();
   remember();
 });
-const player = new Player($("#player"), draw, () => {
-  say(summary(player.run));
-  ask.preview();
-});
+const player = new Player($("#player"), draw, () => ask.preview());
 const effects = new Effects($("#effects"), change, () => ask.preview());
 const balls = new Balls($("#balls"), change, freePlace);
 
@@ -52,9 +50,11 @@ function heard(message) {
     const shown = withFalls(run);
     state.turning = new Turning(shown, shown.names.map(turnOf));
     player.load(shown);
-    say("Rolling …");
+    $("#happened").textContent = summary(shown);
+    say("");
   } else {
     player.clear();
+    $("#happened").textContent = "";
     if (before) say("");
   }
   if (state.first) {
@@ -82,7 +82,8 @@ function firstAim() {
   const foot = state.table.spots[1];
   const away = (ball) => Math.hypot(ball.at[0] - foot[0], ball.at[1] - foot[1]);
   const nearest = others.reduce((one, other) => (away(other) < away(one) ? other : one));
-  return { azimuth: Math.atan2(nearest.at[1] - cue.at[1], nearest.at[0] - cue.at[0]), speed: others.length > 5 ? 8 : 3 };
+  const azimuth = Math.atan2(nearest.at[1] - cue.at[1], nearest.at[0] - cue.at[0]);
+  return { azimuth, speed: others.length > 5 ? 8 : 3 };
 }
 
 let remembering = 0;
@@ -157,11 +158,21 @@ const ask = {
 
 function foreseen(run) {
   const hit = run.events.find((event) => event.kind === "ball_ball");
-  const pocketed = run.events.filter((event) => event.kind === "pocketed").map((event) => event.balls[0]);
+  const fallen = run.events.filter((event) => event.kind === "pocketed").map((event) => event.balls[0]);
+  const pocketed = fallen.filter((name) => name !== cueName());
   const parts = [hit ? `hits ${ballName(hit.balls.find((name) => name !== cueName()))} first` : "hits no ball"];
   if (pocketed.length) parts.push(`pockets ${pocketed.join(", ")}`);
+  if (fallen.length > pocketed.length) parts.push("pockets the cue ball");
   parts.push(`at rest after ${run.end.toFixed(2)} s`);
-  return `This shot ${parts.join(", ")}.`;
+  return `This shot ${parts.join(", ")}.${compared()}`;
+}
+
+function compared() {
+  const effect = state.table.effects.find((one) => one.key === effects.compared);
+  const run = state.preview.without;
+  if (!effect || !run) return "";
+  const how = `${effect.on ? "without" : "with"} ${effect.label.toLowerCase()}`;
+  return ` Dashed: ${how}, at rest after ${run.end.toFixed(2)} s.`;
 }
 
 function shot() {
@@ -188,9 +199,10 @@ function freePlace(name) {
   const { spots, radius, rail, size } = state.table;
   const [spot, way] = name === cueName() ? [spots[0], -1] : [spots[1], 1];
   const others = state.table.balls.filter((ball) => ball.at && ball.name !== name);
-  for (let step = 0; step < 400; step += 1) {
-    const along = spot[0] + way * 0.25 * radius * step - rail - radius;
-    const place = [rail + radius + ((along % (size[0] - 2 * radius)) + size[0] - 2 * radius) % (size[0] - 2 * radius), spot[1]];
+  const room = size[0] - 2 * radius;
+  for (let step = 0; step * 0.25 * radius < room; step += 1) {
+    const along = spot[0] - rail - radius + way * 0.25 * radius * step;
+    const place = [rail + radius + ((along + room) % room), spot[1]];
     if (others.every((ball) => Math.hypot(ball.at[0] - place[0], ball.at[1] - place[1]) > 2.02 * radius)) return place;
   }
   return spot;
@@ -199,13 +211,13 @@ function freePlace(name) {
 // ---- how balls are turned: a matter of this page
 
 function turnOf(name) {
-  return state.turns[name] ?? view.upright;
+  return turns[name] ?? view.upright;
 }
 
 function keepTurns() {
   if (!player.run || !state.turning) return;
   player.run.names.forEach((name, index) => {
-    state.turns[name] = state.turning.at(index, player.run.end);
+    turns[name] = state.turning.at(index, player.run.end);
   });
   state.turning = null;
 }
@@ -230,12 +242,13 @@ function drawNow() {
     return;
   }
   const shown = preview && !state.drag;
-  if (shown && preview.without) view.preview(preview.without, table.balls, { dashed: true, alpha: 0.75 });
+  if (shown && preview.without) view.preview(preview.without, table.balls, { dashed: true });
   if (shown) view.preview(preview.run, table.balls);
-  const turns = (index, name) => (state.turning ? state.turning.at(index, player.run.end) : turnOf(name));
+  const turnAt = (index, name) => (state.turning ? state.turning.at(index, player.run.end) : turnOf(name));
   table.balls.forEach((ball, index) => {
-    const at = state.drag?.name === ball.name ? state.drag.at : ball.at;
-    if (at) view.ball(at, ball, turns(index, ball.name));
+    const moved = [state.drag, state.dropped].find((one) => one?.name === ball.name);
+    const at = moved ? moved.at : ball.at;
+    if (at) view.ball(at, ball, turnAt(index, ball.name));
   });
   const cue = cueBall();
   if (!cue || state.drag) return;
@@ -279,21 +292,22 @@ canvas.addEventListener("pointermove", (event) => {
   }
   canvas.style.cursor = ballUnder(event) ? "grab" : "crosshair";
 });
-canvas.addEventListener("pointerup", async (event) => {
+canvas.addEventListener("pointerup", (event) => {
   const { drag } = state;
-  if (drag) {
-    const off = drag.at.some((value, axis) => value < 0 || value > state.table.size[axis] + 2 * state.table.rail);
-    balls.choose(drag.name);
-    await change({ do: "place", balls: { [drag.name]: off ? null : drag.at } });
-    state.drag = null;
-    draw();
-  } else if (down?.ball) {
-    balls.choose(down.ball.name);
-  } else if (down && event.pointerType !== "touch") {
-    aim.setHeld(!aim.held);
-  }
+  if (drag) drop(drag);
+  else if (down?.ball) balls.choose(down.ball.name);
+  else if (down && event.pointerType !== "touch") aim.setHeld(!aim.held);
   down = null;
+  state.drag = null;
 });
+async function drop(drag) {
+  const off = drag.at.some((value, axis) => value < 0 || value > state.table.size[axis] + 2 * state.table.rail);
+  balls.choose(drag.name);
+  state.dropped = drag; // is shown there until the server has said whether it may lie there
+  await change({ do: "place", balls: { [drag.name]: off ? null : drag.at } });
+  if (state.dropped === drag) state.dropped = null;
+  draw();
+}
 canvas.addEventListener("pointercancel", () => {
   down = null;
   state.drag = null;

@@ -2,10 +2,23 @@
 // The choices beside the table: scene, table, physics, effects, balls.
 
 const NAMES = {
-  eight_ball: "Eight-ball", nine_ball: "Nine-ball", ten_ball: "Ten-ball", straight_pool: "Straight pool (14.1)",
-  snooker: "Snooker", three_cushion: "Three-cushion", rack: "Rack on the paper's table", head_on: "Two balls, head on",
-  glancing: "Two balls, glancing", random_balls: "Twenty balls at random", pool_9ft: "Pool, 9 ft", pool_8ft: "Pool, 8 ft",
-  pool_7ft: "Pool, 7 ft", snooker_12ft: "Snooker, 12 ft", carom_10ft: "Carom, 10 ft", pool: "Pool", carom: "Carom",
+  eight_ball: "Eight-ball",
+  nine_ball: "Nine-ball",
+  ten_ball: "Ten-ball",
+  straight_pool: "Straight pool (14.1)",
+  snooker: "Snooker",
+  three_cushion: "Three-cushion",
+  rack: "Rack on the paper's table",
+  head_on: "Two balls, head on",
+  glancing: "Two balls, glancing",
+  random_balls: "Twenty balls at random",
+  pool_9ft: "Pool, 9 ft",
+  pool_8ft: "Pool, 8 ft",
+  pool_7ft: "Pool, 7 ft",
+  snooker_12ft: "Snooker, 12 ft",
+  carom_10ft: "Carom, 10 ft",
+  pool: "Pool",
+  carom: "Carom",
   paper: "The paper's",
 };
 
@@ -91,7 +104,7 @@ export class Balls {
       if (name) this.choose(name);
     });
     this.off.addEventListener("click", () => this.toggle());
-    for (const field of this.fields) field.addEventListener("change", () => this.move());
+    this.fields.forEach((field, axis) => field.addEventListener("change", () => this.move(axis)));
   }
 
   show(balls) {
@@ -131,8 +144,9 @@ export class Balls {
     this.ask({ do: "place", balls: { [name]: at ? null : this.freePlace(name) } });
   }
 
-  move() {
-    const place = this.fields.map((field) => (field.value.trim() === "" ? NaN : Number(field.value)));
-    if (place.every(Number.isFinite)) this.ask({ do: "place", balls: { [this.chosen]: place } });
+  move(axis) {
+    const place = [...this.ball.at]; // what is shown is rounded
+    place[axis] = Number(this.fields[axis].value);
+    if (this.fields[axis].value.trim() !== "") this.ask({ do: "place", balls: { [this.chosen]: place } });
   }
 }

@@ -30,8 +30,8 @@ export class Player {
       const at = event.target.closest("button")?.dataset.time;
       if (at !== undefined) this.seek(Number(at));
     });
-    root.hidden = true;
-    this.root = root;
+    this.controls = [...root.querySelectorAll("button, input")];
+    this.clear();
   }
 
   /** Whether a run is on that has not come to its end. */
@@ -41,7 +41,7 @@ export class Player {
 
   load(run, playing = true) {
     this.run = run;
-    this.root.hidden = false;
+    this.enable(true);
     this.line.max = run.end;
     this.line.step = "any";
     this.showEvents();
@@ -53,7 +53,15 @@ export class Player {
   clear() {
     this.run = null;
     this.setPlaying(false);
-    this.root.hidden = true;
+    this.enable(false);
+    this.line.value = 0;
+    this.clock.textContent = "0.00 s";
+    this.marks.replaceChildren();
+    this.list.replaceChildren();
+  }
+
+  enable(enabled) {
+    for (const control of this.controls) control.disabled = !enabled;
   }
 
   toggle() {

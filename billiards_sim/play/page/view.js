@@ -155,7 +155,7 @@ export class View {
     this.context.setLineDash([]);
   }
 
-  /** The cue behind a ball, drawn back the further the faster the shot is; `aim` has azimuth, speed, side, elevation. */
+  /** The cue behind a ball, drawn back by the speed; `aim` has azimuth, speed, side, elevation. */
   cue(place, aim) {
     const { context } = this;
     const along = [Math.cos(aim.azimuth), Math.sin(aim.azimuth)];

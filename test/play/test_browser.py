@@ -1,0 +1,409 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser, held to the engine."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import billiards_sim as bs
+from billiards_sim.play.effects import EFFECTS
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
+OPTIONS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+PATIENCE = 60.0
+"""s that the page has for anything."""
+
+if BROWSER is None:
+    pytest.skip(f"needs a browser: none of {', '.join(BROWSERS)} is installed", allow_module_level=True)
+playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright, which drives the browser")
+pytest.importorskip("tornado")
+
+STATE = "billiards.state"
+ENDS = """async (run) => {
+    const { placeAt } = await import("./motion.js");
+    return run.arcs.map((arcs) => placeAt(arcs, run.end, billiards.state.table.centre));
+}"""
+
+
+class Server:
+    """`play` in a process of its own."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "billiards_sim", "play", "--no-browser", "--port", "0", *arguments],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        self.address = self._process.stdout.readline().split()[1]
+
+    def stop(self) -> int:
+        self._process.send_signal(signal.SIGINT)
+        return self._process.wait(PATIENCE)
+
+
+class Page:
+    """A page that is open, with what it does in words."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.trouble: list[str] = []
+        page.on("pageerror", lambda error: self.trouble.append(str(error)))
+        page.on("console", lambda line: line.type == "error" and self.trouble.append(line.text))
+
+    def __call__(self, expression: str, *given: Any) -> Any:
+        return self.page.evaluate(expression, *given)
+
+    def until(self, done: Callable[[], Any]) -> Any:
+        for _ in range(int(PATIENCE / 0.05)):
+            if value := done():
+                return value
+            self.page.wait_for_timeout(50)
+        raise AssertionError("the page does not come to it")
+
+    def open(self, address: str) -> Page:
+        self.page.goto(address)
+        self.until(lambda: self("window.billiards?.state.table?.balls.length"))
+        return self
+
+    @property
+    def table(self) -> Any:
+        return self(f"{STATE}.table")
+
+    @property
+    def places(self) -> list[Any]:
+        return [ball["at"] for ball in self.table["balls"]]
+
+    @property
+    def said(self) -> str:
+        return str(self("document.querySelector('#said').textContent"))
+
+    def on_screen(self, place: Any) -> tuple[float, float]:
+        x, y = self(
+            """([x, y]) => {
+                const { view } = billiards;
+                const [px, py] = view.at([x, y]);
+                const frame = view.canvas.getBoundingClientRect();
+                return [frame.left + px / view.ratio, frame.top + py / view.ratio];
+            }""",
+            list(place),
+        )
+        return x, y
+
+    def move(self, place: Any) -> None:
+        self.page.mouse.move(*self.on_screen(place))
+
+    def drag(self, start: Any, end: Any) -> None:
+        self.move(start)
+        self.page.mouse.down()
+        self.move([0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])])
+        self.move(end)
+        self.page.mouse.up()
+
+    def choose(self, selector: str, value: str) -> None:
+        self.page.select_option(selector, value)
+
+    def preview(self) -> Any:
+        """That of the present aim."""
+        self.until(lambda: self("billiards.state.preview !== null"))
+        self.page.wait_for_timeout(100)
+        return self(f"{STATE}.preview")
+
+    def aimed(self, scene: bs.Scene) -> tuple[bs.Simulation, Any]:
+        """What the engine makes of the present aim."""
+        simulation = bs.Simulation(scene)
+        simulation.shoot(**self("billiards.aim.values"))
+        return simulation, bs.record(simulation)
+
+    def scene(self) -> bs.Scene:
+        """The scene of the link in the address bar."""
+        self.page.wait_for_timeout(400)
+        link = self("import('./link.js').then(({ decoded }) => decoded(location.hash.slice(1)))")
+        from billiards_sim.engine.scene_file import read_scene
+
+        return read_scene(json.dumps(link["scene"]))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    server = Server()
+    yield server
+    assert server.stop() == 0
+
+
+@pytest.fixture
+def page(browser: Any, server: Server) -> Iterator[Page]:
+    """A desktop's page of an eight-ball rack."""
+    context = browser.new_context(viewport={"width": 960, "height": 600})
+    page = Page(context.new_page()).open(server.address)
+    page.choose("#scene", "three_cushion")
+    page.choose("#scene", "eight_ball")
+    page.until(lambda: page.table["scene"] == "eight_ball" and page.places == bs.scenes.eight_ball().positions.tolist())
+    yield page
+    assert page.trouble == []
+    context.close()
+
+
+def in_play(simulation: bs.Simulation) -> list[Any]:
+    return [at if there else None for at, there in zip(simulation.positions.tolist(), simulation.in_play)]
+
+
+def test_the_page_shows_the_balls_where_they_lie(page: Page) -> None:
+    scene = bs.scenes.eight_ball()
+    draw = """() => {
+            const { view, state } = billiards;
+            return state.table.balls.map((ball) => {
+                const [x, y] = view.at([ball.at[0] + 0.75 * state.table.radius, ball.at[1]]);
+                return [...view.context.getImageData(x, y, 1, 1).data];
+            });
+        }"""
+    page.until(lambda: page(draw)[1][0] > 100)  # the page draws at the next frame
+    colours = page(draw)
+    cloth = page("[...billiards.view.context.getImageData(billiards.view.canvas.width / 2, 100, 1, 1).data]")
+    assert len(colours) == len(scene)
+    assert cloth[2] > cloth[0] + 60  # blue-green
+    (red, green, blue, _), black = colours[1], colours[8]
+    assert red > 100 and green > 80 and blue < 90  # 1 is yellow
+    assert max(black[:3]) < 90  # 8
+
+
+def test_the_cue_follows_the_mouse_and_the_preview_is_the_engines(page: Page) -> None:
+    scene = bs.scenes.eight_ball()
+    cue, target = scene.positions[0], (1.4, 1.1)
+    page.move(target)
+    page.until(lambda: abs(page("billiards.aim.values.azimuth") - np.arctan2(*(target - cue)[::-1])) < 2e-3)
+    run = page.preview()["run"]
+    simulation, wanted = page.aimed(scene)
+    assert run["end"] == wanted.end
+    assert page(ENDS, run) == simulation.positions.tolist()
+    assert [event["time"] for event in run["events"]] == [event.time for event in wanted.events]
+
+
+def test_a_click_holds_the_aim(page: Page) -> None:
+    page.move((1.4, 1.1))
+    page.page.mouse.click(*page.on_screen((1.4, 1.1)))
+    held = page("billiards.aim.values.azimuth")
+    page.move((1.4, 0.4))
+    assert page("billiards.aim.values.azimuth") == held
+    page.page.mouse.click(*page.on_screen((1.4, 0.4)))
+    page.move((1.4, 0.4))
+    assert page("billiards.aim.values.azimuth") != held
+
+
+def test_a_shot_is_played_with_the_engines_bits_and_ends_where_it_ends(page: Page) -> None:
+    scene = bs.scenes.eight_ball()
+    page.move((2.0, 0.785))
+    page.preview()
+    page.choose("[data-player=rate]", "4")
+    simulation, run = page.aimed(scene)
+    page("document.querySelector('#table').focus()")
+    page.page.keyboard.press("Space")
+    page.until(lambda: page("billiards.player.shows && billiards.player.time > 0.3"))
+    page.page.keyboard.press("p")  # pause
+    time, shown = page(
+        """async () => {
+            const { placeAt } = await import("./motion.js");
+            const { player, state } = billiards;
+            return [player.time, player.run.arcs.map((arcs) => placeAt(arcs, player.time, state.table.centre))];
+        }"""
+    )
+    assert 0.0 < time < run.end
+    assert shown == run.positions([time])[0].tolist()
+    page.page.keyboard.press(".")
+    ticked = page("billiards.player.time")
+    assert ticked != time
+    assert ticked == pytest.approx(0.01 * round(ticked / 0.01), abs=1e-9)
+    page.page.keyboard.press("p")
+    page.until(lambda: not page("billiards.player.shows"))
+    assert page.places == in_play(simulation)
+    pocketed = [event.balls[0] for event in run.events if event.kind == "pocketed" and event.balls[0] != "cue"]
+    happened = page("document.querySelector('#happened').textContent")
+    assert f"{run.end:.2f} s" in happened
+    assert all(name in happened for name in pocketed)
+
+
+def test_balls_turn_as_in_the_engine(page: Page) -> None:
+    page("billiards.aim.setAll({ side: 0.3, up: 0.2, azimuth: 0.01, speed: 6 })")
+    _, run = page.aimed(bs.scenes.eight_ball())
+    page.page.click("#shoot")
+    page.until(lambda: page("billiards.player.run !== null"))
+    page.page.click("[data-player=play]")
+    times = np.linspace(0.05, run.end, 6)
+    shown = np.array(
+        page(
+            """(times) => times.map((time) =>
+                billiards.player.run.names.map((_, index) => billiards.state.turning.at(index, time)))""",
+            times.tolist(),
+        )
+    )
+    wanted = run.orientations(times)
+    # a quaternion and its negative turn alike; what is left out of a step grows with time
+    assert np.abs(np.sum(shown * wanted, axis=2)).min() > 1.0 - 1e-4
+    assert np.abs(wanted[-1, :, 3]).min() < 0.9
+
+
+def test_a_ball_is_dragged_refused_taken_off_and_all_is_undone(page: Page) -> None:
+    start = page.places
+    page.drag(start[1], (0.9, 0.5))
+    page.until(lambda: page.places != start)
+    moved = page.places[1]
+    assert moved == pytest.approx([0.9, 0.5], abs=2e-3)
+    page.drag(moved, start[0])
+    page.until(lambda: "balls 'cue' and '1' overlap" in page.said)
+    assert page.places[1] == moved
+    page.drag(moved, (1.4, -0.02))
+    page.until(lambda: page.places[1] is None)
+    page.page.click("[data-ball='1']")
+    page.page.click("[data-off]")
+    page.until(lambda: page.places[1] is not None)
+    for wanted in (None, moved, start[1]):
+        page.page.keyboard.press("u")
+        page.until(lambda wanted=wanted: page.places[1] == wanted)
+    assert page.places == start
+
+
+def test_an_effect_is_switched_and_compared(page: Page) -> None:
+    scene = bs.scenes.eight_ball()
+    page.move((2.0, 0.785))
+    page.preview()
+    page.page.click("[aria-label='Compare with and without: Elastic contacts']")
+    page.until(lambda: page("billiards.state.preview?.without"))
+    rigid = EFFECTS["elastic"].switched(scene, False)
+    for which, wanted in (("run", scene), ("without", rigid)):
+        simulation, run = page.aimed(wanted)
+        shown = page(f"billiards.state.preview.{which}")
+        assert shown["end"] == run.end
+        assert page(ENDS, shown) == simulation.positions.tolist()
+    page.page.click("label[for=effect-elastic]")
+    page.until(lambda: page.table["physics"] is None)
+    page.preview()
+    simulation, run = page.aimed(rigid)
+    assert page("billiards.state.preview.run.end") == run.end
+    assert page.scene() == replace(rigid, shot=None)
+
+
+def test_a_link_brings_back_position_and_aim_on_another_server(page: Page, browser: Any) -> None:
+    page("billiards.aim.setAll({ speed: 5, azimuth: 0.02, side: 0.25, up: -0.125 })")
+    simulation, _ = page.aimed(bs.scenes.eight_ball())
+    page.page.click("#shoot")
+    page.until(lambda: page.places == in_play(simulation))
+    page.page.wait_for_timeout(400)
+    link, places = page("location.hash"), page.places
+    page.page.reload()
+    page.until(lambda: page("window.billiards?.state.table?.balls.length"))
+    assert page.places == places
+    other = Server("snooker")
+    try:
+        context = browser.new_context()
+        opened = Page(context.new_page()).open(f"{other.address}{link}")
+        opened.until(lambda: opened.places == places)
+        aim = opened("billiards.aim.values")
+        assert (aim["speed"], aim["side"], aim["up"]) == (5, 0.25, -0.125)
+        assert opened.trouble == []
+        context.close()
+    finally:
+        assert other.stop() == 0
+
+
+def test_a_scene_file_is_loaded_and_saved(page: Page, tmp_path: Path) -> None:
+    scene = bs.Scene([[0.5, 0.4], [1.5, 0.8]], physics=bs.Physics.pool(), name="two")
+    bs.save_scene(scene, tmp_path / "two.yaml")
+    page.page.set_input_files("#file", tmp_path / "two.yaml")
+    page.until(lambda: page.table["scene"] == "two")
+    assert page.scene() == scene
+    with page.page.expect_download() as download:
+        page.page.click("#save")
+    download.value.save_as(tmp_path / "saved.yaml")
+    assert download.value.suggested_filename == "two.yaml"
+    assert bs.load_scene(tmp_path / "saved.yaml") == scene
+    (tmp_path / "bad.yaml").write_text("balls: 3", encoding="utf-8")
+    page.page.set_input_files("#file", tmp_path / "bad.yaml")
+    page.until(lambda: "balls must be a list" in page.said)
+
+
+def test_two_pages_see_the_same_table(page: Page, browser: Any, server: Server) -> None:
+    context = browser.new_context()
+    other = Page(context.new_page()).open(server.address)
+    page.drag(page.places[0], (0.5, 0.4))
+    other.until(lambda: other.places[0] == pytest.approx([0.5, 0.4], abs=2e-3))
+    assert other.places == page.places
+    other.page.click("#shoot")
+    page.until(lambda: page("billiards.player.run !== null"))
+    assert page("billiards.player.run.arcs") == other("billiards.player.run.arcs")
+    context.close()
+
+
+@pytest.mark.parametrize("size, scheme", [((390, 844), "dark"), ((820, 1180), "dark"), ((1360, 800), "light")])
+def test_it_fits_every_screen_and_is_named_for_those_who_do_not_see_it(
+    browser: Any, server: Server, size: tuple[int, int], scheme: str
+) -> None:
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
+    page = Page(context.new_page()).open(server.address)
+    assert page("document.documentElement.scrollWidth") <= size[0]
+    frame = page("(({ left, right, top, bottom }) => ({ left, right, top, bottom }))(table.getBoundingClientRect())")
+    assert frame["left"] >= 0 and frame["right"] <= size[0] and frame["bottom"] <= size[1]
+    assert page("billiards.view.turned") == (size[0] < 500)
+    nameless = page(
+        """() => [...document.querySelectorAll("button, input:not([hidden]), select, canvas, [role]")].filter((one) =>
+            !(one.ariaLabel || one.getAttribute("aria-labelledby") || one.textContent.trim()
+              || one.labels?.[0]?.textContent.trim() || one.getAttribute("aria-live"))).map((one) => one.outerHTML)"""
+    )
+    assert nameless == []
+    background = page("getComputedStyle(document.body).backgroundColor")
+    channels = [int(part) for part in background[4:-1].split(",")]
+    assert (max(channels) < 60) == (scheme == "dark")
+    assert page.trouble == []
+    context.close()
+
+
+def test_everything_is_done_with_the_keyboard_alone(page: Page) -> None:
+    page("document.querySelector('#table').focus()")
+    before = page("billiards.aim.values")
+    page.page.keyboard.press("ArrowLeft")
+    page.page.keyboard.press("Shift+ArrowUp")
+    after = page("billiards.aim.values")
+    assert after["azimuth"] - before["azimuth"] == pytest.approx(np.radians(0.1), abs=1e-9)
+    assert after["speed"] - before["speed"] == pytest.approx(1.0, abs=1e-9)
+    page("document.querySelector('[data-tip]').focus()")
+    page.page.keyboard.press("ArrowLeft")
+    page.page.keyboard.press("ArrowUp")
+    assert page("[billiards.aim.values.side, billiards.aim.values.up]") == [0.02, 0.02]
+    start = page.places
+    page("document.querySelector('[data-ball=\"3\"]').focus()")
+    page.page.keyboard.press("Enter")
+    page("document.querySelector('[data-place=x]').focus()")
+    page.page.keyboard.press("Control+a")
+    page.page.keyboard.type("1.25")
+    page.page.keyboard.press("Enter")
+    page.until(lambda: page.places[3] == [1.25, start[3][1]])
+    page("document.activeElement.blur()")
+    page.page.keyboard.press("Space")
+    page.until(lambda: page("billiards.player.run !== null"))
