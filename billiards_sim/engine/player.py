@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -160,6 +161,13 @@ class Player:
                 self._lay_out(piece.starts.positions[of_shot[rows]], in_play[rows])
             self._play_rows(rows, blows(shots[rows], job.scene.physics), played, piece.starts, of_shot)
         return played
+
+    def kernel_calls(self, strokes: NDArray[np.float64]) -> Iterator[Callable[[], int]]:
+        """The calls of the kernel that play shots, (M, 6) as `blows` makes them, to rest: to be timed."""
+        for first in range(0, len(strokes), ROWS):
+            some = strokes[first : first + ROWS]
+            set_columns(self._batch.strokes[: len(some)], STROKE, some)
+            yield partial(machine.call, play_batch, self._batch, self._state, self._index, 0, len(some), INF, MOST_WORK)
 
     def _shots(self, piece: Piece) -> NDArray[np.float64]:
         # (rows, 5), with the errors of the shooter.

@@ -263,7 +263,7 @@ def _play_all(
         bar = stack.enter_context(_bar(rows)) if progress else None
         if executor is None:
             machine.compile()
-            workers = _cores() if machine.is_ready() else 1
+            workers = cores() if machine.is_ready() else 1
             bounds = _equal(rows, piece) if piece is not None else _shrinking(rows, workers)
             executor = ThreadPoolExecutor(workers, "billiards_sim rollout")
             stack.callback(executor.shutdown, cancel_futures=True)
@@ -317,7 +317,8 @@ def _equal(rows: int, size: int) -> Iterator[tuple[int, int]]:
         yield first, min(first + size, rows)
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Threads that a rollout without an executor has, where there is machine code."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -40,6 +40,10 @@ ELASTIC_NOTE = """Racks of 15 balls hit at 8 m/s at four places, 2 ms later: the
 that is not pressed then, the share of the energy that appeared or went (`-`: balls are pressed), and what 2 ms
 cost. Errors are against the same law integrated by brute force (`test/data/make_elastic.py`), rigid or not."""
 
+ROLLOUT_NOTE = """Shots a second of `bs.rollout`, to rest, medians: what the kernel alone allows, on one thread, and on
+every core, measured in turn, so that the first ratio holds on a busy machine as well. Of another engine: breaks for
+5 s, one after the other."""
+
 Results = dict[str, Any]
 
 
@@ -129,6 +133,21 @@ def crowd_sentence(crowds: Sequence[dict[str, Any]]) -> str:
         f"An event among {most['balls']} balls costs {figure(ratio)} times one among {few['balls']} "
         f"(target <= {CROWD_TARGET:g}: {_verdict(ratio <= CROWD_TARGET)})."
     )
+
+
+def rollout_table(study: dict[str, Any]) -> str:
+    """Shots a second, and how much of what the kernel allows."""
+    lines = []
+    for case in study["cases"]:
+        kernel, one, every = (case[way]["median"] for way in ("kernel", "one", "all"))
+        rates = (figure(kernel), figure(one), figure(every))
+        ratios = (figure(one / kernel), f"{figure(every / one)} on {case['threads']}")
+        lines.append((case["name"], figure(case["events"]), *rates, *ratios))
+    peer = study["peer"]
+    rate = "not installed" if peer["absent"] else peer.get("failure") or figure(peer["rate"])
+    lines.append((f"{peer['name']} {peer['version'] or ''}".strip() + ", `break` for 5 s", "", "", rate, "", "", ""))
+    header = ("shots", "events each", "kernel, /s", "one thread, /s", "all cores, /s")
+    return table((*header, "one thread over kernel", "all over one"), lines)
 
 
 def precision_summary(study: dict[str, Any]) -> str:
@@ -335,6 +354,8 @@ def sections(results: Results) -> dict[str, str]:
         found["Speed"] = speed_table(speed["rows"])
         found["Many balls"] = f"{crowd_table(speed['crowds'])}\n\n{crowd_sentence(speed['crowds'])}"
         found["Cost of each feature"] = speed_table(speed["features"])
+    if rollouts := results.get("rollouts"):
+        found["Rollouts"] = f"{rollout_table(rollouts)}\n\n{ROLLOUT_NOTE}"
     if precision := results.get("precision"):
         notes = precision_notes(results["options"]["quick"])
         picture = "![Work and precision](work_precision.png)"

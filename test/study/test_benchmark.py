@@ -18,7 +18,7 @@ import pytest
 from extras import needs_plot_extra
 
 import billiards_sim as bs
-from billiards_sim.study import benchmark, chaos, measure, precision, report, speed
+from billiards_sim.study import benchmark, chaos, measure, precision, report, rollouts, speed
 from billiards_sim.study.truth import collisions, truths
 
 REPOSITORY = Path(__file__).parents[2]
@@ -247,6 +247,40 @@ def test_the_node_has_no_rate_where_nobody_subscribes() -> None:
         "subscribed": "none",
         "listener's share": "50%",
     }
+
+
+def test_rollouts_are_rated_by_what_the_kernel_allows() -> None:
+    rates = {way: {"median": rate} for way, rate in (("kernel", 8000.0), ("one", 6000.0), ("all", 9000.0))}
+    case = {"name": "break", "events": 190.0, "threads": 2, **rates}
+    peer = {"name": "slow", "version": "1.2", "absent": False, "rate": 4.0}
+    break_row, peer_row = report.rollout_table({"cases": [case], "peer": peer}).splitlines()[2:]
+    cells = ["break", "190", "8000", "6000", "9000", "0.750", "1.50 on 2"]
+    assert [cell.strip() for cell in break_row.split("|")[1:-1]] == cells
+    assert [cell.strip() for cell in peer_row.split("|")[1:-1]] == [
+        "slow 1.2, `break` for 5 s",
+        "",
+        "",
+        "4.00",
+        "",
+        "",
+        "",
+    ]
+    absent = report.rollout_table({"cases": [], "peer": {"name": "slow", "version": None, "absent": True}})
+    assert "not installed" in absent.splitlines()[-1]
+
+
+def test_rollouts_of_a_case_are_measured_in_every_way() -> None:
+    name = "two balls on the paper's table"
+    found = rollouts.measure(name, 2, 2_000)
+    scene, shots = rollouts.cases()[name]
+    counts = []
+    for shot in shots[:10].columns().tolist():
+        simulation = bs.Simulation(scene)
+        simulation.shoot(*shot)
+        counts.append(len(simulation.run()))
+    assert found["shots"] == 10
+    assert found["events"] == np.mean(counts)
+    assert all(found[way]["runs"] == 2 and found[way]["low"] > 0.0 for way in ("kernel", "one", "all"))
 
 
 def test_a_target_is_met_or_missed() -> None:
