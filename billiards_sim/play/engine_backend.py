@@ -73,9 +73,8 @@ class EngineBackend(Backend):
             "scenes": list(BUILT_IN),
             "tables": list(TABLES),
             "physics": list(PHYSICS),
-            "aim": self._first_aim(),
         }
-        return [menu, {"tell": "table", "table": self._table()}]
+        return [menu, {"tell": "table", "table": self._table(), "aim": self._first_aim()}]
 
     async def answer(self, asked: Message) -> Message:
         do = asked.get("do")
@@ -181,15 +180,17 @@ class EngineBackend(Backend):
         self._first = scene
         if scene.velocities.any() or scene.angular_velocities.any():
             outcome = played(scene, None)
-            self._show(outcome.after, outcome.run)
+            self._show(outcome.after, outcome.run, self._first_aim())
         else:
-            self._show(replace(scene, shot=None))
+            self._show(replace(scene, shot=None), None, self._first_aim())
 
-    def _show(self, scene: Scene, run: Run | None = None) -> None:
+    def _show(self, scene: Scene, run: Run | None = None, aim: Message | None = None) -> None:
         self._before.append(self._scene)
         self._scene = scene
         self._revision += 1
         told: Message = {"tell": "table", "table": self._table()}
+        if aim is not None:
+            told["aim"] = aim
         if run is not None:
             told["run"] = run_record(run, scene.in_play)
         self.tell(told)
@@ -197,11 +198,11 @@ class EngineBackend(Backend):
     def _table(self) -> Message:
         return {**table_record(self._scene), "revision": self._revision, "undo": len(self._before)}
 
-    def _first_aim(self) -> Message | None:
-        # In the page's words, where the scene comes with a shot.
+    def _first_aim(self) -> Message:
+        # The shot that the scene comes with, in the page's words; empty where it has none.
         shot, physics = self._first.shot, self._first.physics
         if shot is None:
-            return None
+            return {}
         along, across, down = shot.force
         size = float(np.hypot(along, across))
         return {

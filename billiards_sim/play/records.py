@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_sim.colours import CLOTH, WOOD, ball_colour, is_striped
+from billiards_sim.colours import CLOTH, HOLE, MARKING, RUBBER, WOOD, ball_colour, is_striped
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.physics import PRESETS as PHYSICS_PRESETS
 from billiards_sim.engine.physics import Physics
@@ -19,14 +19,16 @@ from billiards_sim.engine.record import Run
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.table import PRESETS as TABLE_PRESETS
 from billiards_sim.engine.table import Table
+from billiards_sim.outline import Polygon, outline
 from billiards_sim.play.effects import EFFECTS
-from billiards_sim.table_shape import shape_of
 
 PAPER = "paper"
 """What the page calls the defaults of `Table` and of `Physics`."""
 
 TABLES: dict[str, Callable[..., Table]] = {**TABLE_PRESETS, PAPER: Table}
 PHYSICS: dict[str, Callable[..., Physics]] = {**PHYSICS_PRESETS, PAPER: Physics}
+
+COLOURS = {"cloth": CLOTH, "rubber": RUBBER, "wood": WOOD, "hole": HOLE, "marking": MARKING}
 
 MOTION = 7
 """Columns of an arc that tell where a ball is; those after them tell its spin."""
@@ -42,7 +44,7 @@ DIGITS = 4
 def table_record(scene: Scene) -> dict[str, Any]:
     """All that is drawn of a table, and what lies on it."""
     table, physics = scene.table, scene.physics
-    shape = shape_of(table)
+    drawn = outline(table)
     return {
         "scene": scene.name,
         "table": preset_of(table, TABLES),
@@ -50,11 +52,13 @@ def table_record(scene: Scene) -> dict[str, Any]:
         "centre": list(table.centre),
         "size": [table.length, table.width],
         "rail": table.rail_thickness,
-        "cushions": [[_rounded(place) for place in cushion] for cushion in shape.cushions],
-        "pockets": [{"name": name, "at": _rounded(at), "radius": radius} for name, at, radius in shape.pockets],
-        "spots": [_rounded(place) for place in shape.spots],
-        "sights": [_rounded(place) for place in shape.sights],
-        "colours": {"cloth": css(CLOTH), "wood": css(WOOD)},
+        "outer": [[round(edge, DIGITS) for edge in edges] for edges in drawn.outer],
+        "cloth": _rounded(drawn.cloth),
+        "cushions": [_rounded(cushion) for cushion in drawn.cushions],
+        "holes": [_rounded(hole) for hole in drawn.holes],
+        "sights": _rounded(drawn.sights),
+        "spots": [list(table.head_spot), list(table.foot_spot)],
+        "colours": {name: css(colour) for name, colour in COLOURS.items()},
         "radius": physics.radius,
         "miscue_limit": physics.miscue_limit,
         "balls": [
@@ -156,5 +160,6 @@ def _thinned(arcs: NDArray[np.float64]) -> NDArray[np.float64]:
     return arcs[kept]
 
 
-def _rounded(place: tuple[float, float]) -> list[float]:
-    return [round(part, DIGITS) for part in place]
+def _rounded(places: Polygon) -> list[list[float]]:
+    rounded: list[list[float]] = np.round(places, DIGITS).tolist()
+    return rounded

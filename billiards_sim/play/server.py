@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -155,12 +155,16 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
             self.close(1008, "the page does not read")
             self.on_close()  # without waiting for its farewell
             return
+        try:
+            written = self.write_message(text)  # before the answer to whom it changed the table for
+        except tornado.websocket.WebSocketClosedError:
+            return
         self._unread += 1
-        tornado.ioloop.IOLoop.current().add_callback(self._write, text)
+        tornado.ioloop.IOLoop.current().add_callback(self._count, written)
 
-    async def _write(self, text: str) -> None:
+    async def _count(self, written: Awaitable[None]) -> None:
         with suppress(tornado.websocket.WebSocketClosedError, tornado.iostream.StreamClosedError):
-            await self.write_message(text)
+            await written
         self._unread -= 1
 
     async def _answer_later(self, asked: Message) -> None:

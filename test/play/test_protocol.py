@@ -212,7 +212,7 @@ def test_reset_puts_the_game_back_as_it_began() -> None:
         page = await table.page()
         await page.ask(do="set", scene="nine_ball")
         start = table.backend.scene
-        assert start == bs.scenes.nine_ball()
+        assert start == dataclasses.replace(bs.scenes.nine_ball(), shot=None)
         await page.ask(do="shoot", shot=BREAK)
         await page.ask(do="reset")
         assert table.backend.scene == start
@@ -326,7 +326,7 @@ def test_another_table_or_physics_racks_the_game_anew() -> None:
     async def about(table: Table) -> None:
         page = await table.page()
         await page.ask(do="set", table="pool_7ft")
-        assert table.backend.scene == bs.scenes.eight_ball(table=bs.Table.pool_7ft())
+        assert table.backend.scene == dataclasses.replace(bs.scenes.eight_ball(table=bs.Table.pool_7ft()), shot=None)
         await page.ask(do="place", balls={"1": [0.5, 0.5]})
         await page.ask(do="set", physics="paper")  # balls of the same size stay where they are
         assert table.backend.scene.physics == bs.Physics()
@@ -554,6 +554,6 @@ def test_a_cue_shot_of_a_scene_is_the_first_aim() -> None:
     force = scene.physics.mass * 3.0 / scene.physics.cue_contact_time
     offset = (0.1 * scene.physics.radius, -0.2 * scene.physics.radius)
     shot = bs.Shot((0.0, force, -force), offset)
-    menu, _ = EngineBackend(dataclasses.replace(scene, shot=shot)).greeting()
+    _, told = EngineBackend(dataclasses.replace(scene, shot=shot)).greeting()
     wanted = {"speed": 3.0, "azimuth": np.pi / 2, "side": 0.1, "up": -0.2, "elevation": np.pi / 4}
-    assert {key: menu["aim"][key] for key in wanted} == pytest.approx(wanted, abs=1e-12)
+    assert {key: told["aim"][key] for key in wanted} == pytest.approx(wanted, abs=1e-12)

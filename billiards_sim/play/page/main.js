@@ -57,22 +57,25 @@ function heard(message) {
     $("#happened").textContent = "";
     if (before) say("");
   }
-  if (state.first) {
-    state.first = false;
-    open();
-  }
+  if (state.first) open(message.aim);
+  else if (message.aim) aimAsGiven(message.aim);
   remember();
   ask.preview();
   draw();
 }
 
 // The first table: the link in the address bar may hold another.
-function open() {
+function open(given) {
+  state.first = false;
   const link = decoded(location.hash.slice(1));
-  const given = link?.aim ?? state.menu.aim ?? firstAim();
-  aim.setAll(given);
-  if (link?.scene) change({ do: "load", text: JSON.stringify(link.scene) });
+  aimAsGiven(link?.aim ?? given);
+  if (link?.scene) change({ do: "load", text: JSON.stringify(link.scene) }).then(() => aimAsGiven(link.aim ?? given));
   else say("Move the mouse to aim, the wheel for speed. Space shoots; a click holds the aim.");
+}
+
+// What a scene brings, or a guess where it brings none.
+function aimAsGiven(given) {
+  aim.setAll({ side: 0, up: 0, elevation: 0, ...(Object.keys(given).length ? given : firstAim()) });
 }
 
 // At the ball next to the foot spot.
@@ -301,7 +304,7 @@ canvas.addEventListener("pointerup", (event) => {
   state.drag = null;
 });
 async function drop(drag) {
-  const off = drag.at.some((value, axis) => value < 0 || value > state.table.size[axis] + 2 * state.table.rail);
+  const off = drag.at.some((value, axis) => value < state.table.outer[axis][0] || value > state.table.outer[axis][1]);
   balls.choose(drag.name);
   state.dropped = drag; // is shown there until the server has said whether it may lie there
   await change({ do: "place", balls: { [drag.name]: off ? null : drag.at } });
@@ -353,10 +356,8 @@ $("#shoot").addEventListener("click", shoot);
 $("#undo").addEventListener("click", () => change({ do: "undo" }));
 $("#reset").addEventListener("click", () => change({ do: "reset" }));
 for (const [selector, key] of [["#scene", "scene"], ["#preset-table", "table"], ["#preset-physics", "physics"]]) {
-  $(selector).addEventListener("change", async (event) => {
-    if (!event.target.value) return;
-    const answer = await change({ do: "set", [key]: event.target.value });
-    if (!answer.error) aim.setAll(firstAim());
+  $(selector).addEventListener("change", (event) => {
+    if (event.target.value) change({ do: "set", [key]: event.target.value });
   });
 }
 $("#save").addEventListener("click", async () => {
@@ -377,8 +378,7 @@ $("#share").addEventListener("click", async () => {
   }
 });
 async function loadFile(file) {
-  const answer = await change({ do: "load", text: await file.text() });
-  if (!answer.error) aim.setAll(firstAim());
+  change({ do: "load", text: await file.text() });
 }
 $("#open").addEventListener("click", () => $("#file").click());
 $("#file").addEventListener("change", (event) => {

@@ -23,11 +23,13 @@ export class View {
   /** What is on: also measures the canvas, so call it after a change of size. */
   show(table) {
     this.table = table;
-    const [length, width] = table.size;
-    this.outer = [length + 2 * (table.rail + EDGE), width + 2 * (table.rail + EDGE)];
+    const [x, y] = table.outer;
+    this.low = [x[0] - EDGE, y[0] - EDGE];
+    this.high = [x[1] + EDGE, y[1] + EDGE];
+    const outer = [this.high[0] - this.low[0], this.high[1] - this.low[1]];
     const frame = this.canvas.parentElement.getBoundingClientRect();
     this.turned = frame.width / frame.height < TURNED_BELOW;
-    const [across, up] = this.turned ? [this.outer[1], this.outer[0]] : this.outer;
+    const [across, up] = this.turned ? [outer[1], outer[0]] : outer;
     const scale = Math.min(frame.width / across, frame.height / up);
     this.ratio = Math.min(window.devicePixelRatio || 1, 3);
     this.scale = scale * this.ratio;
@@ -40,10 +42,9 @@ export class View {
 
   /** A place of the table on the canvas. */
   at([x, y]) {
-    const [outerX, outerY] = this.outer;
     return this.turned
-      ? [(outerY - EDGE - y) * this.scale, (outerX - EDGE - x) * this.scale]
-      : [(x + EDGE) * this.scale, (outerY - EDGE - y) * this.scale];
+      ? [(this.high[1] - y) * this.scale, (this.high[0] - x) * this.scale]
+      : [(x - this.low[0]) * this.scale, (this.high[1] - y) * this.scale];
   }
 
   /** The place of the table under a pointer. */
@@ -51,7 +52,7 @@ export class View {
     const frame = this.canvas.getBoundingClientRect();
     const x = ((event.clientX - frame.left) * this.ratio) / this.scale;
     const y = ((event.clientY - frame.top) * this.ratio) / this.scale;
-    return this.turned ? [this.outer[0] - EDGE - y, this.outer[1] - EDGE - x] : [x - EDGE, this.outer[1] - EDGE - y];
+    return this.turned ? [this.high[0] - y, this.high[1] - x] : [x + this.low[0], this.high[1] - y];
   }
 
   /** Direction of the table on the canvas. */
@@ -193,18 +194,17 @@ export class View {
 
   drawStill() {
     const { table, scale } = this;
-    this.still.width = this.canvas.width;
-    this.still.height = this.canvas.height;
+    const { width, height } = this.canvas;
+    this.still.width = width;
+    this.still.height = height;
     const context = this.still.getContext("2d");
-    const box = (low, high) => {
-      const [x0, y0] = this.at(low);
-      const [x1, y1] = this.at(high);
-      return [Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0)];
-    };
-    const polygon = (places) => {
+    const { cloth, rubber, wood, hole, marking } = table.colours;
+    const fill = (places, colour) => {
       context.beginPath();
       for (const place of places) context.lineTo(...this.at(place));
       context.closePath();
+      context.fillStyle = colour;
+      context.fill();
     };
     const dot = (place, radius, colour) => {
       context.beginPath();
@@ -212,64 +212,39 @@ export class View {
       context.fillStyle = colour;
       context.fill();
     };
-    const { rail, size: [length, width] } = table;
-    const [right, top] = [2 * rail + length, 2 * rail + width];
-    // wood
-    context.clearRect(0, 0, this.still.width, this.still.height);
+    const grain = context.createLinearGradient(0, 0, 0, height);
+    grain.addColorStop(0, mixed(wood, "#ffffff", 0.16));
+    grain.addColorStop(0.5, wood);
+    grain.addColorStop(1, mixed(wood, "#000000", 0.3));
     context.beginPath();
-    context.roundRect(...box([-EDGE, -EDGE], [right + EDGE, top + EDGE]), Math.max(0.35 * rail, 0.03) * scale);
-    const grain = context.createLinearGradient(0, 0, 0, this.still.height);
-    grain.addColorStop(0, mixed(table.colours.wood, "#ffffff", 0.16));
-    grain.addColorStop(0.5, table.colours.wood);
-    grain.addColorStop(1, mixed(table.colours.wood, "#000000", 0.3));
+    context.roundRect(0, 0, width, height, Math.max(0.35 * table.rail, 0.03) * scale);
     context.fillStyle = grain;
     context.fill();
-    // the bed, to behind the rubber
-    const depth = Math.min(rail, 0.0508);
-    context.fillStyle = mixed(table.colours.cloth, "#000000", 0.3);
-    context.fillRect(...box([rail - depth, rail - depth], [rail + length + depth, rail + width + depth]));
-    const cloth = context.createRadialGradient(
-      this.still.width / 2, this.still.height / 2, 0,
-      this.still.width / 2, this.still.height / 2, 0.6 * Math.max(this.still.width, this.still.height),
-    );
-    cloth.addColorStop(0, mixed(table.colours.cloth, "#ffffff", 0.09));
-    cloth.addColorStop(1, mixed(table.colours.cloth, "#000000", 0.14));
-    context.fillStyle = cloth;
-    context.fillRect(...box([rail, rail], [rail + length, rail + width]));
+    const [x, y, reach] = [width / 2, height / 2, 0.6 * Math.max(width, height)];
+    const light = context.createRadialGradient(x, y, 0, x, y, reach);
+    light.addColorStop(0, mixed(cloth, "#ffffff", 0.09));
+    light.addColorStop(1, mixed(cloth, "#000000", 0.16));
+    fill(table.cloth, light);
     for (const spot of table.spots) dot(spot, 0.006, "rgba(255, 255, 255, 0.45)");
-    // holes: leather around, black within; they reach below the rubber, and not out of the wood
-    context.save();
-    context.beginPath();
-    context.roundRect(...box([-EDGE, -EDGE], [right + EDGE, top + EDGE]), Math.max(0.35 * rail, 0.03) * scale);
-    context.clip();
-    for (const pocket of table.pockets) dot(pocket.at, pocket.radius + 0.012, "#17120f");
-    for (const pocket of table.pockets) {
-      const [x, y] = this.at(pocket.at);
-      const radius = pocket.radius * scale;
-      const hole = context.createRadialGradient(x, y, 0.2 * radius, x, y, radius);
-      hole.addColorStop(0, "#000000");
-      hole.addColorStop(1, "#0b0a09");
-      dot(pocket.at, pocket.radius, hole);
+    context.lineJoin = "round";
+    for (const places of table.holes) {
+      fill(places, hole);
+      context.strokeStyle = "#17120f"; // leather
+      context.lineWidth = 0.014 * scale;
+      context.stroke();
     }
-    context.restore();
     context.save();
-    context.shadowColor = "rgba(0, 0, 0, 0.5)";
+    context.shadowColor = "rgba(0, 0, 0, 0.55)";
     context.shadowBlur = 0.02 * scale;
-    context.fillStyle = mixed(table.colours.cloth, "#000000", 0.22);
-    for (const cushion of table.cushions) {
-      polygon(cushion);
-      context.fill();
-    }
+    for (const cushion of table.cushions) fill(cushion, rubber);
     context.restore();
     for (const cushion of table.cushions) {
-      polygon(cushion);
-      context.fillStyle = mixed(table.colours.cloth, "#000000", 0.2);
-      context.fill();
-      context.strokeStyle = mixed(table.colours.cloth, "#ffffff", 0.18);
+      fill(cushion, rubber);
+      context.strokeStyle = mixed(cloth, "#ffffff", 0.2);
       context.lineWidth = this.ratio;
       context.stroke();
     }
-    for (const sight of table.sights) dot(sight, Math.min(0.006, 0.1 * rail), "#e9dfc6");
+    for (const sight of table.sights) dot(sight, Math.min(0.006, 0.1 * table.rail), marking);
   }
 }
 
