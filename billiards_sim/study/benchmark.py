@@ -79,6 +79,9 @@ def write(results: dict[str, Any], directory: Path) -> None:
     if results.get("precision"):
         with written(directory / "work_precision.png") as file:
             benchmark_plots.draw_work_precision(results["precision"], file)
+    if results.get("elastic"):
+        with written(directory / "rack.png") as file:
+            benchmark_plots.draw_racks(results["elastic"]["pictures"], file)
     if results.get("chaos"):
         with written(directory / "chaos.png") as file:
             benchmark_plots.draw_chaos(results["chaos"], file)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark's pictures: work against precision, and the growth of differences."""
+"""The benchmark's pictures: work against precision, racks after the hit, and the growth of differences."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Circle
 
 from billiards_sim.study.chaos import APART
+from billiards_sim.study.plots import CLOTH, draw_ball
 from billiards_sim.study.precision import CHART_TIME
 
 DPI = 110
@@ -91,6 +94,47 @@ def _draw_scene(axes: Axes, name: str, scene: dict[str, Any]) -> None:
     axes.set_ylim(1e-17, 10.0)
     axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1.0])
     axes.grid(True, color="0.9", linewidth=0.6)
+
+
+AROUND_RACK = ((-0.32, 0.36), (-0.3, 0.3))
+"""m, what is drawn, from the middle of the rack."""
+
+
+def draw_racks(pictures: list[dict[str, Any]], path: Path) -> None:
+    """A panel a rack, after the hit: rigid ones above, elastic ones below, a column a gap.
+
+    Args:
+        pictures: of "elastic" of the results.
+        path: of the picture.
+    """
+    gaps = sorted({picture["gap"] for picture in pictures})
+    figure, panels = plt.subplots(2, len(gaps), figsize=(11.0, 6.8), layout="constrained", squeeze=False)
+    for picture in pictures:
+        _draw_rack(panels[int(picture["elastic"]), gaps.index(picture["gap"])], picture)
+    for axes, gap in zip(panels[0], gaps):
+        axes.set_title(f"gaps of {gap * 1e3:g} mm" if gap else "touching", fontsize=11)
+    for axes, what in zip(panels[:, 0], ("rigid impacts", "elastic contacts")):
+        axes.set_ylabel(what, fontsize=11)
+    figure.suptitle("Racks 50 ms after they were hit from the left at 8 m/s; pale: where they lay", fontsize=11)
+    figure.savefig(path, dpi=DPI)
+    plt.close(figure)
+
+
+def _draw_rack(axes: Axes, picture: dict[str, Any]) -> None:
+    before, after = np.array(picture["before"]), np.array(picture["after"])
+    middle = before[1:].mean(axis=0)
+    for start in before[1:] - middle:
+        axes.add_patch(Circle(start, picture["radius"], facecolor=(1.0, 1.0, 1.0, 0.35), linewidth=0.0))
+    for start, end in zip(before[1:] - middle, after[1:] - middle):
+        axes.plot(*np.transpose((start, end)), color=(0.0, 0.0, 0.0, 0.35), linewidth=1.0)
+    for name, place in zip(picture["names"], after - middle):
+        draw_ball(axes, place, picture["radius"], name)
+    axes.set_facecolor(CLOTH)
+    axes.set_xlim(AROUND_RACK[0])
+    axes.set_ylim(AROUND_RACK[1])
+    axes.set_aspect("equal")
+    axes.set_xticks([])
+    axes.set_yticks([])
 
 
 def draw_chaos(study: dict[str, Any], path: Path) -> None:

@@ -18,7 +18,7 @@ import pytest
 from extras import needs_plot_extra
 
 import billiards_sim as bs
-from billiards_sim.study import benchmark, chaos, measure, precision, report, rollouts, speed
+from billiards_sim.study import benchmark, chaos, elastic, measure, precision, report, rollouts, speed
 from billiards_sim.study.truth import collisions, truths
 
 REPOSITORY = Path(__file__).parents[2]
@@ -316,7 +316,7 @@ def test_readme_shows_the_figures_that_are_kept() -> None:
 def test_the_kept_report_is_made_from_the_kept_figures() -> None:
     kept = FIGURES.with_name("benchmark.md").read_text(encoding="utf-8")
     assert kept == report.whole_report(benchmark.read(FIGURES))
-    for picture in ("work_precision.png", "chaos.png"):
+    for picture in ("work_precision.png", "rack.png", "chaos.png"):
         assert f"]({picture})" in kept
         assert FIGURES.with_name(picture).is_file()
 
@@ -344,6 +344,19 @@ def test_the_short_table_has_the_figures_of_the_parts_that_were_measured() -> No
         ("node at 100 Hz, balls moving, all topics subscribed", "99.8 Hz; 25% of a core"),
     ]
     assert report.highlights({}) == []
+
+
+def test_an_elastic_break_spreads_a_rack_that_a_rigid_one_leaves() -> None:
+    rigid, soft = (elastic.break_point(5e-5, is_elastic, 5)["displacement"]["median"] for is_elastic in (False, True))
+    assert soft >= 0.4
+    assert rigid <= 0.2
+
+
+def test_a_drawn_rack_was_hit_a_twentieth_of_a_second_before() -> None:
+    drawn = elastic.picture(0.0, True)
+    way = np.hypot(*(np.array(drawn["after"]) - drawn["before"]).T)[1:]
+    assert 0.1 < way.max() < elastic.PICTURE_TIME * elastic.BREAK_SPEED  # nobody is faster than the cue ball was
+    assert way.min() > 0.0
 
 
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -389,7 +402,8 @@ def test_every_part_is_in_the_report_and_the_pictures(tmp_path: Path) -> None:
     text = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
     for name in truths():
         assert f"### {name}\n" in text
-    assert (tmp_path / "work_precision.png").stat().st_size > 10_000
+    for picture in ("work_precision.png", "rack.png", "chaos.png"):
+        assert (tmp_path / picture).stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(
