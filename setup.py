@@ -19,6 +19,7 @@ ROS = [
 FAST = ["numba"]
 PLAY = ["tornado", "pyyaml"]
 PROGRESS = ["tqdm"]
+GYM = ["gymnasium>=1.1", "matplotlib", "tqdm", "pillow>=10.1"]
 PLOT = ["matplotlib", "tqdm", "pillow>=10.1", "imageio-ffmpeg"]
 # what `benchmark` compares with; pooltool, a third, pins a panda3d that is not to be had: see docs/benchmark
 PEERS = ["pymunk", "mujoco"]
@@ -46,11 +47,13 @@ setup(
         "plot": PLOT,
         "play": PLAY,
         "progress": PROGRESS,
+        "gym": GYM,
         "test": [
             *ROS,
             *FAST,
             *PLOT,
             *PLAY,
+            *GYM,
             "playwright",  # drives Debian's Chromium, where that is installed
             "pytest",
             "pytest-xdist",

@@ -14,7 +14,19 @@ import pytest
 REPOSITORY = Path(__file__).parents[1]
 SPDX = "# SPDX-License-Identifier: Apache-2.0"
 SUFFIXES = (".py", ".yaml", ".toml", ".cfg", ".sh")
-EXTRAS = ("imageio_ffmpeg", "matplotlib", "mpmath", "mujoco", "numba", "PIL", "playwright", "pymunk", "scipy", "tqdm")
+EXTRAS = (
+    "gymnasium",
+    "imageio_ffmpeg",
+    "matplotlib",
+    "mpmath",
+    "mujoco",
+    "numba",
+    "PIL",
+    "playwright",
+    "pymunk",
+    "scipy",
+    "tqdm",
+)
 """Modules that package.xml does not ask for: `colcon test` has to go without them."""
 
 

@@ -124,6 +124,11 @@ class EventLog(Sequence[Event]):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and list(self) == list(other)
 
+    @property
+    def kinds(self) -> list[str]:
+        """What happened, event by event; quicker than to look at each."""
+        return [KINDS[kind] for kind in column(self._table, "kind").tolist()]
+
     def __add__(self, other: EventLog) -> EventLog:
         return EventLog(join_rows(Record, (self._table, other._table)), self._scene)
 
