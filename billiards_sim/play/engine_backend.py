@@ -102,7 +102,7 @@ class EngineBackend(Backend):
     @staticmethod
     def _previewed(scene: Scene, shot: Message) -> Message:
         outcome = played(scene, shot)
-        return run_record(outcome.run, outcome.after.in_play, spins=False)
+        return run_record(outcome.run, spins=False)
 
     def _shoot(self, asked: Message) -> None:
         outcome = played(self._scene, _words(asked, "shot"))
@@ -192,7 +192,7 @@ class EngineBackend(Backend):
         if aim is not None:
             told["aim"] = aim
         if run is not None:
-            told["run"] = run_record(run, scene.in_play)
+            told["run"] = run_record(run)
         self.tell(told)
 
     def _table(self) -> Message:

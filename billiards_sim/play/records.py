@@ -86,17 +86,15 @@ def table_record(scene: Scene) -> dict[str, Any]:
     }
 
 
-def run_record(run: Run, at_end: NDArray[np.bool_], spins: bool = True) -> dict[str, Any]:
+def run_record(run: Run, spins: bool = True) -> dict[str, Any]:
     """How every ball moves, in closed form, and what happens.
 
     Args:
-        at_end: (N,) whether each ball is in play at the end.
         spins: with the spins, and every arc; else what a preview draws, see `SHORT`.
     """
     return {
         "end": run.end,
         "names": list(run.scene.names),
-        "at_end": at_end.tolist(),
         "arcs": [
             (run.arcs(name) if spins else _thinned(run.arcs(name))[:, :MOTION]).tolist() for name in run.scene.names
         ],

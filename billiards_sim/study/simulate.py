@@ -22,7 +22,7 @@ from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.simulation import StallError
 from billiards_sim.files import written
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
-from billiards_sim.study.recording import Recording, TooMany, record, ticks
+from billiards_sim.study.recording import ExactRecording, Recording, TooMany, record, ticks
 from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, SchemeError
 
 SAMPLE = 0.01
@@ -79,6 +79,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--movie", type=Path, metavar="F.mp4", help=f"film it, 30 frames a second ({', '.join(MOVIES)})"
     )
+    parser.add_argument("--html", type=Path, metavar="F.html", help="write a page that plays it, in one file")
     add_shot_options(parser)
     return parser
 
@@ -88,7 +89,7 @@ def _simulate(options: argparse.Namespace) -> int:
     scene = _scene(options)
     recording = _record(scene, options)
     _print_summary(recording, options)
-    for option, write in (("json", _write_json), ("csv", _write_csv), ("plot", _draw), ("movie", _film)):
+    for option, write in WRITERS.items():
         path = getattr(options, option)
         if path is not None:
             try:
@@ -104,7 +105,7 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Refuse what could not be written, before any long computing."""
-    paths = {name: getattr(options, name) for name in ("json", "csv", "plot", "movie") if getattr(options, name)}
+    paths = {name: getattr(options, name) for name in WRITERS if getattr(options, name)}
     for index, (option, path) in enumerate(paths.items()):
         try:
             if path.is_dir():
@@ -115,6 +116,10 @@ def _check_outputs(options: argparse.Namespace) -> None:
             raise Refusal(f"--{option}: cannot write {str(path)!r}: {_reason(error)}") from None
         if path in list(paths.values())[:index]:
             raise Refusal(f"--{option}: {str(path)!r} is written by another option, too")
+    if options.html is not None:
+        _check_ending("html", options.html, (".html",))
+        if options.solver != "event":
+            raise Refusal(f"--html shows runs of the solver event, not of {options.solver}")
     if options.plot is not None:
         _check_ending("plot", options.plot, PICTURES)
         _check_installed("--plot", ["matplotlib"])
@@ -248,6 +253,20 @@ def _film(recording: Recording, path: Path, options: argparse.Namespace) -> None
     from billiards_sim.study.movie import write_movie
 
     write_movie(recording, path)
+
+
+def _write_page(recording: Recording, path: Path, options: argparse.Namespace) -> None:
+    from billiards_sim.play.offline import TooLong, write_page
+
+    assert isinstance(recording, ExactRecording)
+    try:
+        write_page(recording.run, path, recording.scene.name or Path(options.scene).stem)
+    except TooLong as error:
+        raise TooMany(str(error)) from None
+
+
+WRITERS = {"json": _write_json, "csv": _write_csv, "plot": _draw, "movie": _film, "html": _write_page}
+"""By option, in the order in which they are written."""
 
 
 def _print_summary(recording: Recording, options: argparse.Namespace) -> None:

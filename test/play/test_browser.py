@@ -18,6 +18,7 @@ import pytest
 
 import billiards_sim as bs
 from billiards_sim.play.effects import EFFECTS
+from billiards_sim.study import simulate
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -407,3 +408,29 @@ def test_everything_is_done_with_the_keyboard_alone(page: Page) -> None:
     page("document.activeElement.blur()")
     page.page.keyboard.press("Space")
     page.until(lambda: page("billiards.player.run !== null"))
+
+
+def test_a_run_in_a_file_plays_without_a_server(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "break.html"
+    assert simulate.main(["nine_ball", "--speed", "8", "--angle", "1deg", "--html", str(path)]) == 0
+    simulation = bs.Simulation(bs.scenes.nine_ball())
+    simulation.shoot(8.0, np.pi / 180.0)
+    run = bs.record(simulation)
+    context = browser.new_context(viewport={"width": 960, "height": 600}, offline=True)
+    page = Page(context.new_page())
+    page.page.goto(path.as_uri())
+    page.until(lambda: page("window.billiards?.playback.run !== undefined"))
+    assert page("billiards.playback.run.end") == run.end
+    page.page.keyboard.press("Space")
+    page.until(lambda: page("billiards.playback.time > 0.2"))
+    page.page.keyboard.press("Space")
+    assert 0.2 < page("billiards.playback.time") < run.end
+    collisions = [event for event in run.events if event.kind == "ball_ball"]
+    page.page.click("summary")
+    page.page.click(f"[data-time='{collisions[-1].time!r}']")
+    assert page("billiards.playback.time") == collisions[-1].time
+    assert page("document.querySelectorAll('[data-player=marks] line').length") > len(collisions)
+    page.page.click("[data-player=end]")
+    assert page("billiards.playback.time") == run.end
+    assert page.trouble == []
+    context.close()

@@ -168,9 +168,11 @@ def test_a_shot_does_what_its_preview_said_and_every_page_sees_it() -> None:
             assert told["run"]["arcs"] == [run.arcs(name).tolist() for name in scene.names]
             assert told["run"]["end"] == foreseen["end"]
             assert told["run"]["events"] == foreseen["events"]
-            rest = zip(ends(told["run"], scene.table.centre), told["run"]["at_end"])
-            assert [ball["at"] for ball in told["table"]["balls"]] == [at if there else None for at, there in rest]
-            assert not all(told["run"]["at_end"])
+            fallen = {event["balls"][0] for event in told["run"]["events"] if event["kind"] == "pocketed"}
+            rest = zip(scene.names, ends(told["run"], scene.table.centre))
+            wanted = [None if name in fallen else at for name, at in rest]
+            assert [ball["at"] for ball in told["table"]["balls"]] == wanted
+            assert fallen
             assert told["table"]["undo"] == 1
 
     talk(about)
