@@ -20,9 +20,9 @@ SNOOKER_PHYSICS = Physics.snooker()
 CAROM_TABLE = Table.carom_10ft()
 CAROM_PHYSICS = Physics.carom()
 
-BREAK_SPEED = 9.0
-"""m/s, 20 mph, of the break that a game's scene brings as its shot. Where it points is chosen so that something falls
-with the table and the physics of the game."""
+EIGHT_BALL_BREAK = TEN_BALL_BREAK = Aim(8.5, math.radians(1.2))
+NINE_BALL_BREAK = Aim(9.5, math.radians(0.95))
+"""19 and 21 mph. The shots that the scenes of games bring; where they point is chosen so that a ball falls."""
 
 RACK_GAP = 1e-4
 """m. Default distance between neighbours in a rack: what a well set wooden triangle leaves."""
@@ -149,7 +149,7 @@ def eight_ball(
     Raises:
         ValueError: `gap` or `looseness` is negative, not finite, or so large that the rack does not fit.
     """
-    return _pool("eight_ball", EIGHT_BALL_ROWS, 0.9, gap, looseness, seed, table, physics)
+    return _pool("eight_ball", EIGHT_BALL_ROWS, EIGHT_BALL_BREAK, gap, looseness, seed, table, physics)
 
 
 def nine_ball(
@@ -161,7 +161,7 @@ def nine_ball(
     physics: Physics = POOL_PHYSICS,
 ) -> Scene:
     """Nine-ball: 9 balls in a diamond, the 1 on the foot spot, the 9 in the middle (WPA), else as `eight_ball`."""
-    return _pool("nine_ball", NINE_BALL_ROWS, 1.2, gap, looseness, seed, table, physics)
+    return _pool("nine_ball", NINE_BALL_ROWS, NINE_BALL_BREAK, gap, looseness, seed, table, physics)
 
 
 def ten_ball(
@@ -173,7 +173,7 @@ def ten_ball(
     physics: Physics = POOL_PHYSICS,
 ) -> Scene:
     """Ten-ball: 10 balls in a triangle, the 1 on the foot spot, the 10 in the middle (WPA), else as `eight_ball`."""
-    return _pool("ten_ball", TEN_BALL_ROWS, 1.4, gap, looseness, seed, table, physics)
+    return _pool("ten_ball", TEN_BALL_ROWS, TEN_BALL_BREAK, gap, looseness, seed, table, physics)
 
 
 def straight_pool(
@@ -185,7 +185,7 @@ def straight_pool(
     physics: Physics = POOL_PHYSICS,
 ) -> Scene:
     """14.1: 15 balls in a triangle on the foot spot, as they come (WPA), else as `eight_ball`."""
-    return _pool("straight_pool", STRAIGHT_POOL_ROWS, 0.9, gap, looseness, seed, table, physics)
+    return _pool("straight_pool", STRAIGHT_POOL_ROWS, EIGHT_BALL_BREAK, gap, looseness, seed, table, physics)
 
 
 def snooker(
@@ -249,13 +249,13 @@ def three_cushion(*, table: Table = CAROM_TABLE, physics: Physics = CAROM_PHYSIC
 
 
 def _pool(
-    name: str, rows: Rows, angle: float, gap: float, looseness: float, seed: int, table: Table, physics: Physics
+    name: str, rows: Rows, aim: Aim, gap: float, looseness: float, seed: int, table: Table, physics: Physics
 ) -> Scene:
-    # A rack on the foot spot, and the cue ball a diameter behind the head string; a break at an angle, degrees.
+    # A rack on the foot spot, and the cue ball a diameter behind the head string; a break.
     balls = _racked(rows, table.foot_spot, gap, looseness, seed, physics)
     head_x, middle_y = table.head_spot
     positions = [(head_x - 2.0 * physics.radius, middle_y)] + [balls[number] for number in sorted(balls)]
-    shot = Aim(BREAK_SPEED, math.radians(angle)).shot(physics)
+    shot = aim.shot(physics)
     return Scene(positions, table=table, physics=physics, name=name, shot=shot)
 
 

@@ -360,7 +360,7 @@ def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerAr
     message = erasing()
     if preview is None:
         return message
-    radius = preview.scene.physics.radius
+    radius, fallen = preview.scene.physics.radius, preview.pocketed
     for index, name in enumerate(preview.scene.names):
         path = preview.paths.get(name, ())
         if len(path) < 2:
@@ -372,7 +372,7 @@ def preview_markers(preview: Preview | None, stamp: int, frame: str) -> MarkerAr
         line.points = [Point(x=x, y=y, z=radius) for x, y in (_dashes(points) if is_striped(name) else points)]
         ball = _marker("preview_balls", index, Marker.SPHERE, ball_colour(name))
         _, ball.pose.position.x, ball.pose.position.y = path[-1]
-        ball.pose.position.z = radius
+        ball.pose.position.z = -radius if name in fallen else radius
         ball.scale.x = ball.scale.y = ball.scale.z = 2.0 * radius
         ball.color.a = PREVIEW_OPACITY
         message.markers += [line, ball]

@@ -51,7 +51,7 @@ GROUP_PRESETS: Mapping[str, Mapping[str, Callable[..., Any]]] = {
 
 PRESET_HELP = "{}, or empty for the scene's own: values for those of the group that are not given themselves"
 
-DEFAULT_SCENE = "rack"
+DEFAULT_SCENE = "eight_ball"
 
 DEFAULT_FRAME = "table"
 

@@ -94,7 +94,7 @@ def make_node() -> Iterator[Callable[..., TableNode]]:
 
 @pytest.fixture
 def table(make_node: Callable[..., TableNode]) -> TableNode:
-    """A table in this process that rests; nothing spins it, and its time stands still."""
-    node = make_node()
+    """The paper's table in this process, at rest; nothing spins it, and its time stands still."""
+    node = make_node("scene:=rack")
     node.start()
     return node

@@ -13,7 +13,12 @@ from billiards_sim.ros import preview
 from billiards_sim.ros.table_node import TableNode
 from billiards_sim.ros.wrench import wrench_from_shot
 
-WITHOUT_END = ("physics.rail_restitution:=1.0", "physics.sliding_friction:=0.0", "physics.rolling_friction:=0.0")
+WITHOUT_END = (
+    "scene:=rack",
+    "physics.rail_restitution:=1.0",
+    "physics.sliding_friction:=0.0",
+    "physics.rolling_friction:=0.0",
+)
 FASTEST = (3.2e9, 1e8, 0.0)
 """N: 2e8 m/s, some 1e9 events a second."""
 

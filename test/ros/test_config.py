@@ -110,4 +110,4 @@ def test_the_frame_and_the_namespaces_are_the_messages_own() -> None:
 def test_the_view_looks_down_on_the_middle_of_the_table() -> None:
     view = RVIZ["Views"]["Current"]
     assert view["Class"] == "rviz_default_plugins/TopDownOrtho"
-    assert (view["X"], view["Y"]) == pytest.approx(bs.Table().centre, abs=1e-9)
+    assert (view["X"], view["Y"]) == pytest.approx(bs.Table.pool_9ft().centre, abs=1e-9)

@@ -87,7 +87,7 @@ def test_the_table_starts_from_the_prefix_and_takes_a_shot(prefix: Path, site: S
     table = site.process(
         *(str(executables / "table"), "--ros-args", "--params-file", str(parameters)), command=sourced, **options
     )
-    table.wait_for("ready: scene rack, 16 balls, 100 Hz")
+    table.wait_for("ready: scene eight_ball, 16 balls, 100 Hz")
     shoot = site.process(str(executables / "shoot"), "--force", "80", "0", command=sourced, **options)
     assert shoot.wait() == 0, shoot.stderr
     table.signal(signal.SIGINT)

@@ -135,7 +135,7 @@ def test_a_ball_that_spins_on_the_spot_is_looked_at_every_tick(make_node: Callab
 
 @pytest.fixture
 def turning(make_node: Callable[..., TableNode]) -> TableNode:
-    node = make_node("track_orientation:=true")
+    node = make_node("scene:=rack", "track_orientation:=true")
     node.start()
     return node
 

@@ -31,9 +31,10 @@ def scene_file(directory: Path) -> str:
 
 def test_without_parameters_the_defaults_hold() -> None:
     settings = parameters.read_settings({})
-    assert settings.scene_name == "rack"
+    assert settings.scene_name == "eight_ball"
     assert (settings.update_rate, settings.real_time_factor, settings.marker_rate) == (100.0, 1.0, 30.0)
-    assert (settings.scene.physics, settings.scene.table) == (bs.Physics(), bs.Table())
+    assert (settings.scene.physics, settings.scene.table) == (bs.Physics.pool(), bs.Table.pool_9ft())
+    assert len(settings.scene) == 16
 
 
 def test_an_integer_is_a_number() -> None:
@@ -95,8 +96,8 @@ BAD = [
     ({"scene": 3}, "'scene' must be a string"),
     ({"scene": "cowboy_pool"}, "neither a file nor one of head_on"),
     ({"scene": "/nowhere/scene.yaml"}, "neither a file nor one of head_on"),
-    ({"table.length": 0.5}, "scene 'rack' does not fit these physics and table parameters: ball"),
-    ({"physics.radius": 0.6}, "balls of radius 0.6 m do not fit on a table 1.17 m wide"),
+    ({"scene": "rack", "table.length": 0.5}, "scene 'rack' does not fit these physics and table parameters: ball"),
+    ({"scene": "rack", "physics.radius": 0.6}, "balls of radius 0.6 m do not fit on a table 1.17 m wide"),
 ]
 
 
@@ -135,7 +136,7 @@ def test_the_config_file_holds_every_parameter_with_its_default() -> None:
     names = (*parameters.NUMBERS, *parameters.SWITCHES, *parameters.TEXTS)
     zeros = dict.fromkeys(quantities(bs.Pocket), 0.0)
     presets = {"physics": {"preset": ""}, "table": {"preset": "", "corner_pocket": zeros, "side_pocket": zeros}}
-    assert given == {name: getattr(defaults, name) for name in names} | {"scene": "rack"}
+    assert given == {name: getattr(defaults, name) for name in names} | {"scene": "eight_ball"}
     whole = yaml.safe_load(re.sub(r"(?m)^    # (?=(  )*\w+:)", "    ", text))["/**"]["ros__parameters"]
     for group, owner in parameters.GROUPS.items():
         assert whole[group] == presets[group] | {field: getattr(owner(), field) for field in quantities(owner)}
@@ -195,12 +196,12 @@ def test_what_is_shown_can_be_given_back(scene: str) -> None:
     assert again.values() == settings.values()
 
 
-WPA = {"wpa_9ft.yaml": (100, 50), "wpa_8ft.yaml": (92, 46)}
+POOL = {"pool_9ft.yaml": (100, 50), "pool_8ft.yaml": (92, 46), "pool_7ft.yaml": (78, 39)}
 """Playing areas, inches."""
 
 
-@pytest.mark.parametrize("name", WPA)
-def test_wpa_tables_are_within_the_specification(name: str) -> None:
+@pytest.mark.parametrize("name", POOL)
+def test_pool_tables_are_within_the_specification(name: str) -> None:
     document = yaml.safe_load((CONFIG / name).read_text())
     assert list(document) == ["/**"]
     groups = document["/**"]["ros__parameters"]
@@ -208,7 +209,7 @@ def test_wpa_tables_are_within_the_specification(name: str) -> None:
     given |= {f"{group}.{key}": value for group in parameters.GROUPS for key, value in groups[group].items()}
     scene = parameters.read_settings(given).scene
     inches = (scene.table.length / 0.0254, scene.table.width / 0.0254)
-    assert inches == pytest.approx(WPA[name], abs=1e-9)
+    assert inches == pytest.approx(POOL[name], abs=1e-9)
     assert 4.0 <= scene.table.rail_thickness / 0.0254 <= 7.5
     assert 2.0 * scene.physics.radius == pytest.approx(2.25 * 0.0254, abs=1e-12)
     assert 5.5 <= scene.physics.mass / 0.028349523125 <= 6.0
@@ -227,6 +228,7 @@ def test_wpa_tables_are_within_the_specification(name: str) -> None:
 def test_tables_of_other_games_are_as_their_rules_say(name: str, physics: bs.Physics, area: tuple, nose: float) -> None:
     groups = yaml.safe_load((CONFIG / name).read_text())["/**"]["ros__parameters"]
     given = {f"{group}.{key}": value for group in parameters.GROUPS for key, value in groups[group].items()}
+    given["scene"] = groups["scene"]
     scene = parameters.read_settings(given).scene
     assert scene.physics == physics
     assert (scene.table.length, scene.table.width) == area
@@ -549,7 +551,7 @@ def test_an_edited_scene_file_is_read_again_when_it_is_named_again(table: TableN
 def test_a_scene_that_does_not_fit_the_given_table_is_refused(
     make_node: Callable[..., TableNode], tmp_path: Path
 ) -> None:
-    node = make_node("table.width:=0.45")
+    node = make_node("scene:=rack", "table.width:=0.45")
     node.start()
     assert "does not fit these physics and table parameters" in change(node, scene=scene_file(tmp_path))
     assert node.get_parameter("scene").value == "rack"

@@ -211,8 +211,8 @@ def test_a_display_keeps_what_rviz_keeps() -> None:
 
 def test_the_view_is_that_of_the_file() -> None:
     view = picture.read_view(SETTINGS, (200, 100), 2.0)
-    assert (view.scale, view.size, view.frame) == (700.0, (400, 200), "table")
-    assert view.centre == pytest.approx(bs.Table().centre, abs=1e-9)
+    assert (view.scale, view.size, view.frame) == (612.0, (400, 200), "table")
+    assert view.centre == pytest.approx(bs.Table.pool_9ft().centre, abs=1e-9)
     assert view.background == (40 / 255, 40 / 255, 44 / 255)
     other = {**SETTINGS, "Views": {"Current": {"Class": "rviz_default_plugins/Orbit"}}}
     with pytest.raises(ValueError, match="TopDownOrtho"):

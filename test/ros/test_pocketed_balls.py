@@ -86,7 +86,7 @@ def test_a_pot_is_told_on_every_topic_and_the_ball_comes_back(site: Site, tmp_pa
     assert preview["pocketed"] == {"1": "x_max_y_min"}
 
     client.shoot(message)
-    client.spin_until(lambda: client.at_rest[-2:] == [False, True])
+    client.spin_until(lambda: len(client.collisions) >= len(preview["events"]) and client.at_rest[-2:] == [False, True])
     assert len(client.collisions) == len(preview["events"])
     (fall,) = [event for event in client.collisions if event["kind"] == "pocketed"]
     assert (fall["balls"], fall["pocket"]) == (["1"], "x_max_y_min")

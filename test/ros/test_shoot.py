@@ -86,7 +86,7 @@ def test_a_slight_contact_moves_a_ball_by_less_than_can_be_seen() -> None:
 
 @pytest.fixture(scope="module")
 def client(shared_site: Site) -> Client:
-    shared_site.table("real_time_factor:=10.0", "physics.mass:=0.2", "physics.cue_contact_time:=0.004")
+    shared_site.table("scene:=rack", "real_time_factor:=10.0", "physics.mass:=0.2", "physics.cue_contact_time:=0.004")
     return shared_site.client()
 
 
@@ -165,7 +165,7 @@ def test_watching_ends_when_somebody_resets_the_table(client: Client, shared_sit
 
 def test_watching_ends_when_the_table_takes_the_next_shot(site: Site) -> None:
     # The ball rolls for 3 s and spins for 12 s: three quarters and three seconds of the clock.
-    site.table("real_time_factor:=4.0", "physics.spin_friction:=0.001")
+    site.table("scene:=rack", "real_time_factor:=4.0", "physics.spin_friction:=0.001")
     for option in ("--watch", "--preview"):
         shoot = site.process("shoot", "--speed", "0.3", "--angle", "90deg", "--side", "0.4", option)
         assert shoot.wait() == 0, shoot.stdout
@@ -173,7 +173,7 @@ def test_watching_ends_when_the_table_takes_the_next_shot(site: Site) -> None:
 
 
 def test_watching_ends_when_the_table_goes(site: Site) -> None:
-    table = site.table("real_time_factor:=0.1")
+    table = site.table("scene:=rack", "real_time_factor:=0.1")
     shoot = site.process("shoot", "--speed", "5", "--angle", "90deg", "--watch")
     shoot.wait_for("the cue hits ball")
     table.close()
@@ -186,7 +186,7 @@ def test_watching_ends_when_the_table_goes(site: Site) -> None:
     [(("-r", "__node:=snooker"), ()), (("-r", "__ns:=/club/left", "-r", "__node:=pool"), ("-r", "__ns:=/club/left"))],
 )
 def test_shoot_finds_the_table_whatever_its_name(site: Site, table: tuple, shoot: tuple) -> None:
-    site.process("table", "--ros-args", "-p", "physics.mass:=0.2", *table).wait_for("ready: ")
+    site.process("table", "--ros-args", "-p", "scene:=rack", "-p", "physics.mass:=0.2", *table).wait_for("ready: ")
     process = site.process("shoot", "--speed", "3", "--angle", "0deg", "--ros-args", *shoot)
     assert process.wait() == 0, process.stderr
     assert "force (60, 0, 0) N" in process.stdout  # of 0.2 kg for 0.01 s

@@ -19,7 +19,7 @@ FORCE, OFFSET = (125.0, 6.0, 0.0), (0.004, -0.002)
 @pytest.fixture
 def watcher(site: Site) -> Iterator[Watcher]:
     """At a table that is paused: time goes on by steps alone."""
-    site.table("real_time_factor:=10.0")
+    site.table("scene:=rack", "real_time_factor:=10.0")
     watcher = Watcher(site.domain)
     watcher.connect()
     yield watcher

@@ -118,7 +118,7 @@ def test_the_state_at_rest_is_not_stamped_before_the_last_event(
 
 @pytest.mark.parametrize("factor", [10.0, 0.5])
 def test_stamps_never_go_back(make_node: Callable[..., TableNode], wall: Wall, factor: float) -> None:
-    node = make_node(f"real_time_factor:={factor}")
+    node = make_node("scene:=rack", f"real_time_factor:={factor}")
     node.start()
     stamps = [tick(node, wall)]
     for _ in range(2):
@@ -133,7 +133,7 @@ def test_stamps_never_go_back(make_node: Callable[..., TableNode], wall: Wall, f
 
 
 def test_a_table_that_publishes_the_clock_counts_its_own_time(make_node: Callable[..., TableNode], wall: Wall) -> None:
-    node = make_node("publish_clock:=true", "real_time_factor:=10.0")
+    node = make_node("scene:=rack", "publish_clock:=true", "real_time_factor:=10.0")
     node.start()
     stamps = [tick(node, wall, 1) for _ in range(5)]
     assert set(np.diff(stamps)) == {100 * MS}
@@ -181,7 +181,7 @@ def test_time_that_a_shot_loses_is_told_where_it_matters(
 
 
 def test_ticks_of_a_shot_are_the_same_time_apart(site: Site) -> None:
-    site.table()
+    site.table("scene:=rack")
     client = site.client()
     client.shoot(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))
     stamps = client.stamps(50)
@@ -223,7 +223,7 @@ def client(site: Site) -> Iterator[Client]:
 
 
 def follow(site: Site, client: Client, *given: str) -> tuple[Process, Simulator]:
-    table = site.table("use_sim_time:=true", *given)
+    table = site.table("scene:=rack", "use_sim_time:=true", *given)
     simulator = Simulator(client)
     client.spin_until(lambda: client.at_rest and client.cue.get_subscription_count() == 1)
     client.spin_until(lambda: all(one.service_is_ready() for one in (client._reset, client._pause, client._step)))
@@ -293,7 +293,7 @@ def test_the_factor_counts_from_the_clock_that_is_followed(site: Site, client: C
 
 
 def test_a_running_table_can_be_put_on_another_clock_and_back(site: Site, client: Client) -> None:
-    site.table()
+    site.table("scene:=rack")
     client.connect()
     wall = stamp_ns(client.poses[-1].header.stamp)
     assert client.set_parameters(use_sim_time=True)[0].successful

@@ -19,6 +19,7 @@ class Commentary:
     Attributes:
         counts: events by kind.
         pocketed: pockets by the names of the balls that fell into them, in order.
+        fastest: m/s, at which two balls met.
         first_time: of the shot, s; NaN before it.
         last_time: of the last event, s.
     """
@@ -28,6 +29,7 @@ class Commentary:
         self.first_time = math.nan
         self.last_time = math.nan
         self.pocketed: dict[str, str] = {}
+        self.fastest = 0.0
         self._moving: set[str] = set()
         self._slight: list[float] = []  # s, times of slight contacts that are not told yet
 
@@ -43,6 +45,8 @@ class Commentary:
             return []
         self.counts[kind] += 1
         self.last_time = event["time"]
+        if kind == "ball_ball":
+            self.fastest = max(self.fastest, event["approach_speed"])
         if kind == "shot":
             self.first_time = event["time"]
         if kind == "pocketed":

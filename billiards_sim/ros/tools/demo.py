@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import statistics
 import time
 from collections.abc import Callable, Sequence
 
@@ -15,12 +16,17 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import Failure, Parser, Stopped, positive_seconds, run_to_end, say
+from billiards_sim.engine.physics import Physics
+from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.ros.process import Child, isolate, noted_signals, own_arguments, ros
 from billiards_sim.ros.qos import LATCHED
 from billiards_sim.ros.tools.commentary import Commentary
 
-BREAK_FORCE = ("128", "0")
-"""N. 8 m/s with the default physics: an ordinary break."""
+SCENE = "eight_ball"
+TABLE = BUILT_IN[SCENE]()
+assert TABLE.shot is not None
+BREAK = [repr(part) for part in TABLE.shot.force[:2]]
+"""N. The break of the scene."""
 
 
 class DemoError(Failure):
@@ -35,6 +41,8 @@ class Spectator(Node):
         self.balls = 0
         self.commentary = Commentary()
         self.largest_overlap = 0.0
+        self.first_poses: PoseArray | None = None
+        self.last_poses: PoseArray | None = None
         self.at_rest: bool | None = None
         self.create_subscription(String, "collisions", self._on_collisions, 100)
         self.create_subscription(PoseArray, "balls/poses", self._on_poses, 100)
@@ -57,6 +65,7 @@ class Spectator(Node):
 
     def _on_poses(self, message: PoseArray) -> None:
         self.balls = len(message.poses)
+        self.first_poses, self.last_poses = self.first_poses or message, message
         self.largest_overlap = max(self.largest_overlap, overlap(message))
 
     def _on_at_rest(self, message: Bool) -> None:
@@ -64,7 +73,7 @@ class Spectator(Node):
 
 
 def overlap(poses: PoseArray) -> float:
-    """Depth by which the worst pair of balls overlaps, m; 0 where none does. A ball's z is its radius."""
+    """Depth by which the worst pair of balls in play overlaps, m; 0 where none does. A ball's z is its radius."""
     centres = [(pose.position.x, pose.position.y, pose.position.z) for pose in poses.poses]
     worst = 0.0
     for index, (x, y, radius) in enumerate(centres):
@@ -73,12 +82,33 @@ def overlap(poses: PoseArray) -> float:
     return worst
 
 
+def spread(before: PoseArray, after: PoseArray) -> float:
+    """How far the balls have come, but for the first one, the cue ball; the median, m."""
+    pairs = zip(before.poses[1:], after.poses[1:])
+    return statistics.median(
+        math.hypot(one.position.x - other.position.x, one.position.y - other.position.y) for one, other in pairs
+    )
+
+
+def deepest_press(physics: Physics, speed: float) -> float:
+    """How deep two balls can press each other, with all the energy of one at a speed, m/s; m.
+
+    Hertz: m v^2/2 is then the energy of their contact, 2/5 K d^(5/2). 0 for rigid balls.
+    """
+    if physics.youngs_modulus == 0.0:
+        return 0.0
+    modulus = physics.youngs_modulus / (2.0 * (1.0 - physics.poisson_ratio**2))
+    stiffness = 4.0 / 3.0 * modulus * math.sqrt(0.5 * physics.radius)
+    return float((1.25 * physics.mass * speed**2 / stiffness) ** 0.4)
+
+
 def main(arguments: list[str]) -> int:
     """Run the demo; returns the exit code."""
     parser = Parser(
         prog="demo",
-        description="Start a table with an eight-ball rack, break it from a second process over ROS 2, print the "
-        "collisions as the table publishes them and a summary, in a ROS domain of their own. Takes about 15 s. "
+        description="Start a table with an eight-ball rack on a 9 ft pool table, break it from a second process over "
+        "ROS 2, print the collisions as the table publishes them and a summary: what was pocketed and where, and how "
+        "far the rack spread, in a ROS domain of their own. Takes about 15 s. "
         "Exit code 0: the break came to rest; 1: something failed; 2: bad arguments.",
     )
     parser.add_argument("--timeout", type=positive_seconds, default=120.0, metavar="S", help="longest run, s (120)")
@@ -98,8 +128,8 @@ def _play(timeout: float, signals: Sequence[int]) -> None:
     spectator = Spectator()
     executor = SingleThreadedExecutor()
     executor.add_node(spectator)
-    say(f"demo: starting a table with an eight-ball rack, ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}")
-    with Child("table", "--ros-args", "-p", "scene:=rack") as table:
+    say(f"demo: starting a 9 ft table with an eight-ball rack, ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}")
+    with Child("table", "--ros-args", "-p", f"scene:={SCENE}") as table:
 
         def watch(done: Callable[[], bool], missing: str, shooter: Child | None = None) -> None:
             while not done():
@@ -116,7 +146,7 @@ def _play(timeout: float, signals: Sequence[int]) -> None:
 
         watch(lambda: spectator.ready, "the table did not publish")
         say(f"demo: {spectator.balls} balls rest; breaking from a second process")
-        with Child("shoot", "--force", *BREAK_FORCE) as shoot:
+        with Child("shoot", "--force", *BREAK) as shoot:
             watch(lambda: spectator.finished, "the break did not come to rest", shoot)
             watch(lambda: shoot.exit_code == 0, "the shot got no verdict", shoot)
     _print_summary(spectator)
@@ -128,5 +158,10 @@ def _print_summary(spectator: Spectator) -> None:
     say("demo: summary")
     say(f"  balls            {spectator.balls}")
     say(f"  collisions       {counts['ball_ball']} ball-ball, {counts['ball_rail']} ball-rail")
+    pocketed = ", ".join(f"{name} in {pocket}" for name, pocket in commentary.pocketed.items())
+    say(f"  pocketed         {pocketed or 'none'}")
+    if spectator.first_poses is not None and spectator.last_poses is not None:
+        say(f"  spread           {spread(spectator.first_poses, spectator.last_poses):.2f} m, median of the rack")
     say(f"  time to rest     {commentary.last_time - commentary.first_time:.3f} s")
-    say(f"  largest overlap  {spectator.largest_overlap:.3g} m")
+    bound = deepest_press(TABLE.physics, commentary.fastest)
+    say(f"  largest overlap  {spectator.largest_overlap:.3g} m; balls that meet give, by up to {bound:.2g} m here")

@@ -7,7 +7,6 @@ The markers are those that the node publishes; the file says which of them are s
 from __future__ import annotations
 
 import copy
-import dataclasses
 import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,26 +19,26 @@ from matplotlib.figure import Figure
 from visualization_msgs.msg import Marker, MarkerArray
 
 from billiards_sim.command_line import Parser, Refusal, run_to_end
-from billiards_sim.engine import scenes
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scenes import EIGHT_BALL_BREAK
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.files import written
 from billiards_sim.ros import markers, messages
-from billiards_sim.ros.parameters import DEFAULT_FRAME
+from billiards_sim.ros.parameters import DEFAULT_FRAME, DEFAULT_SCENE, find_scene
 from billiards_sim.ros.preview import predict
 from billiards_sim.ros.tools.rendering import View, draw
 
 CONFIGURATION = Path("config/table.rviz")
 """From the top of the repository."""
 
-BREAK = Aim(speed=8.0, azimuth=math.radians(0.6))
-"""The break of the picture."""
+BREAK = EIGHT_BALL_BREAK
+"""The break of the picture: that of the scene."""
 
-SHOWN_AFTER = 0.4
+SHOWN_AFTER = 0.7
 """s from the shot to the upper picture."""
 
-PREVIEWED = Aim(speed=1.5, azimuth=math.radians(-37.0))
+PREVIEWED = Aim(speed=1.5, azimuth=math.radians(12.0))
 """The shot that the lower picture asks for, once the break has come to rest."""
 
 RATE = 30.0
@@ -128,17 +127,19 @@ def break_messages(scene: Scene, shot: Aim, duration: float) -> Iterator[Sent]:
     yield 0.0, "table_markers", markers.table_markers(scene.table, scene.physics.radius, 0, DEFAULT_FRAME)
     for tick in range(round(duration * RATE) + 1):
         stamp = round(simulation.time * messages.NANOSECONDS)
-        yield tick / RATE, "markers", copy.deepcopy(balls.update(simulation.positions.tolist(), stamp))
+        message = balls.update(simulation.positions.tolist(), stamp, None, simulation.in_play.tolist())
+        yield tick / RATE, "markers", copy.deepcopy(message)
         balls.note(simulation.advance(1.0 / RATE))
 
 
-def preview_messages(scene: Scene, shot: Aim) -> Iterator[Sent]:
+def preview_messages(simulation: Simulation, shot: Aim) -> Iterator[Sent]:
     """What the node publishes for a preview on a table at rest."""
+    scene = simulation.start_scene
     physics = scene.physics
     balls = markers.BallMarkers(scene.names, physics.radius, RATE, DEFAULT_FRAME)
-    preview = predict(Simulation(scene), shot.shot(physics))
+    preview = predict(simulation, shot.shot(physics))
     yield 0.0, "table_markers", markers.table_markers(scene.table, physics.radius, 0, DEFAULT_FRAME)
-    yield 0.0, "markers", balls.update(scene.positions.tolist(), 0)
+    yield 0.0, "markers", balls.update(simulation.positions.tolist(), 0, None, simulation.in_play.tolist())
     yield 0.0, "preview", markers.preview_markers(preview, 0, DEFAULT_FRAME)
 
 
@@ -174,15 +175,14 @@ def write_picture(path: Path, settings: Mapping[str, Any], size: tuple[int, int]
         size: pixels of RViz's own view.
         zoom: pixels of the picture in one of those.
     """
-    scene = scenes.rack()
+    scene = find_scene(DEFAULT_SCENE)
     broken = _struck(scene, BREAK)
     broken.run()
-    at_rest = dataclasses.replace(scene, positions=broken.positions)
     view = read_view(settings, size, zoom)
     width, height = view.size
     rows = {
         f"{SHOWN_AFTER:g} s after a break shot of {BREAK.speed:g} m/s": break_messages(scene, BREAK, SHOWN_AFTER),
-        f"at rest, the preview of a shot of {PREVIEWED.speed:g} m/s": preview_messages(at_rest, PREVIEWED),
+        f"at rest, the preview of a shot of {PREVIEWED.speed:g} m/s": preview_messages(broken, PREVIEWED),
     }
     full = len(rows) * (height + TITLE)
     figure = Figure(figsize=(width / DPI, full / DPI), dpi=DPI, facecolor=view.background)

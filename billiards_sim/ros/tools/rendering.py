@@ -24,9 +24,6 @@ EDGE = 0.6
 LEVEL = 1e-6
 """Inclination, rad, that rounding gives to what is level or upright."""
 
-SEAM = 0.3
-"""Points, width of the lines around the triangles of a mesh."""
-
 POINTS_PER_INCH = 72
 """Of matplotlib's line widths."""
 
@@ -114,9 +111,8 @@ def _draw_triangles(axes: Axes, marker: Marker) -> None:
     level = np.ptp(corners[:, :, 2], axis=1) == 0.0
     for height in np.unique(corners[level, 0, 2]):
         faces = corners[level & (corners[:, 0, 2] == height), :, :2]
-        # Lines of the same colour close the seams between them.
-        found = PolyCollection(list(faces), facecolors=[colour], edgecolors=[colour], linewidths=SEAM, zorder=height)
-        axes.add_collection(found)
+        # Smooth edges would leave seams between them.
+        axes.add_collection(PolyCollection(list(faces), facecolors=[colour], antialiaseds=False, zorder=height))
 
 
 def _sphere(marker: Marker, x: float, y: float) -> tuple[Patch, float]:
