@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from billiards_sim.engine import machine
 from billiards_sim.engine.kernels.batch import PLAYED, TOO_LONG, Batch, play_batch
 from billiards_sim.engine.kernels.state import AT_REST, INF, NOBODY, OFF_TABLE, PARTS, RAILS, Record
-from billiards_sim.engine.moment import begun_anew, start
+from billiards_sim.engine.moment import start
 from billiards_sim.engine.noise import ShooterNoise
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.shots import blows, refusals
@@ -124,9 +124,7 @@ class Player:
     def __init__(self, job: Job) -> None:
         self._job = job
         self._index = job.scene.names.index(job.ball)
-        simulation = Simulation(job.scene)
-        moment = start(job.scene)
-        self._state = (begun_anew(moment) if simulation.at_rest else moment).state
+        self._state = start(job.scene).state
         packed = isinstance(self._state, Packed)
         count = len(job.scene)
         self._batch = blank(

@@ -25,6 +25,7 @@ from checks import COMPILED, random_scene
 
 import billiards_sim as bs
 from billiards_sim.engine import player
+from billiards_sim.engine.kernels import batch
 from billiards_sim.engine.kernels.state import NOBODY
 
 RACK = bs.scenes.rack()
@@ -87,20 +88,60 @@ def test_each_shot_has_the_bits_of_a_single_run(scene: bs.Scene, until: float | 
 def test_other_balls_may_move_and_spin_and_be_off_the_table() -> None:
     base = random_scene(5, 8)
     velocities, spins = base.velocities.copy(), base.angular_velocities.copy()
-    velocities[0] = spins[0, :2] = 0.0
+    velocities[0] = spins[0, :2] = spins[2] = 0.0
+    velocities[2] = 1e-12, 0.0  # rests at once, which is an event
     spins[0, 2] = 20.0
     in_play = np.arange(len(base)) != 1
     physics = bs.Physics.pool(cue_contact_time=0.01)
     scene = bs.Scene(base.positions, velocities, spins, in_play=in_play, physics=physics)
     shots = random_shots(5)
-    result = bs.rollout(scene, shots)
+    result = bs.rollout(scene, shots, events=True)
     for index in range(len(shots)):
         simulation = alone(scene, shots, index)
-        simulation.run()
+        assert result.events(index) == simulation.run()
         np.testing.assert_array_equal(result.positions[index], simulation.positions)
         assert result.duration[index] == simulation.time
     assert (result.pocket == -1).all()
     np.testing.assert_array_equal(result.in_play, np.tile(in_play, (5, 1)))
+
+
+def test_any_ball_may_be_struck() -> None:
+    shots = bs.Shots(2.0, np.linspace(0.0, 6.0, 20))
+    result = bs.rollout(POTS, shots, ball="2", events=True)
+    for index in range(20):
+        simulation = bs.Simulation(POTS)
+        simulation.shoot(2.0, float(shots.azimuth[index]), ball="2")
+        assert result.events(index) == simulation.run()
+        hits = [event.balls for event in result.events(index) if event.kind == "ball_ball" and "2" in event.balls]
+        balls = hits[0] if hits else ("2",)
+        assert {POTS.names[i] for i in [result.first_hit[index]] if i != NOBODY} == {*balls} - {"2"}
+    assert (result.first_hit >= 0).any()
+
+
+def test_a_ball_in_the_mouth_of_a_pocket_is_not_in_it() -> None:
+    scene = bs.Scene([(2.60, 1.31)], table=POTS.table, physics=POTS.physics)
+    shots = bs.Shots(1.0, math.pi / 4)
+    assert bs.rollout(scene, shots, until=0.01).pocket.tolist() == [[-1]]
+    assert bs.rollout(scene, shots).pockets[bs.rollout(scene, shots).pocket[0, 0]] == "x_max_y_max"
+
+
+def test_a_ball_that_is_off_the_table_fell_into_no_pocket() -> None:
+    scene = bs.Scene([(2.45, 1.16), (2.60, 1.31)], table=POTS.table, physics=POTS.physics)
+    shots = bs.Shots([1.5, 1.5], math.pi / 4)
+    result = bs.rollout(scene, shots, in_play=[[True, True], [True, False]], piece=2)
+    assert result.pocketed("1").tolist() == [True, False]
+
+
+@pytest.mark.skipif(COMPILED, reason="a constant of machine code")
+@pytest.mark.parametrize("fits", [5, 6, 9])
+def test_a_shot_may_take_several_calls_of_the_loop(monkeypatch: pytest.MonkeyPatch, fits: int) -> None:
+    shots = bs.Shots([6.0, 0.005] * 5, np.arange(10.0))  # many events and few
+    expected = bs.rollout(POTS, shots, events=True)
+    monkeypatch.setattr(batch, "SLICE", 20)
+    monkeypatch.setattr(player, "EVENT_ROWS", sorted(expected.event_count.tolist())[fits])
+    result = bs.rollout(POTS, shots, events=True)
+    assert_same(result, expected)
+    assert [result.events(m) for m in range(10)] == [expected.events(m) for m in range(10)]
 
 
 @pytest.mark.parametrize("piece", [1, 100, 10_000])
@@ -527,7 +568,8 @@ def test_the_memory_is_that_of_the_result() -> None:
     assert peak - size < 200 * count + 1_000_000  # 200 MB for a million, and what a piece takes
 
 
-def test_an_interrupt_ends_a_rollout(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("own", [True, False])
+def test_an_interrupt_ends_a_rollout(monkeypatch: pytest.MonkeyPatch, own: bool) -> None:
     played: list[int] = []
 
     def interrupted(piece: Any) -> Any:
@@ -538,6 +580,25 @@ def test_an_interrupt_ends_a_rollout(monkeypatch: pytest.MonkeyPatch) -> None:
         return player.play_piece(piece)
 
     monkeypatch.setattr("billiards_sim.engine.rollout.play_piece", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        bs.rollout(POTS, random_shots(50), piece=1)
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(KeyboardInterrupt):
+            bs.rollout(POTS, random_shots(50), piece=1, executor=None if own else executor)
+        if own:
+            count = len(played)
+            time.sleep(0.2)
+            assert len(played) == count  # nothing goes on behind
     assert len(played) < 50
+
+
+def test_who_has_not_played_to_the_end_plays_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any) -> None:
+        raise MemoryError
+
+    with ThreadPoolExecutor(1) as executor:
+        first = bs.rollout(POTS, random_shots(3), executor=executor)
+        monkeypatch.setattr(player.Player, "_play_rows", fails)
+        with pytest.raises(bs.BrokenRollout, match="MemoryError"):
+            bs.rollout(POTS, random_shots(3), executor=executor)
+        assert executor.submit(lambda: player._idle.player).result() is None
+        monkeypatch.undo()
+        assert_same(bs.rollout(POTS, random_shots(3), executor=executor), first)

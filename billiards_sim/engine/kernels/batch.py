@@ -151,11 +151,10 @@ def _play(batch: Batch, state: State, outcome: Outcome, i: int, until: float, mo
     taken = 0
     while clock.work < most:
         status = run_until(state, until, taken, min(SLICE, most))
-        if clock.logged > taken:  # else the log still holds what was looked at
-            if outcome.first_hit == NOBODY:
-                outcome.first_hit = _first_hit(state, i)
-            if not _keep_events(batch, state):
-                return TOO_LONG
+        if outcome.first_hit == NOBODY:
+            outcome.first_hit = _first_hit(state, i)
+        if not _keep_events(batch, state):
+            return TOO_LONG
         taken = clock.logged
         if status == DONE:
             return PLAYED
