@@ -14,6 +14,8 @@ from checks import COMPILED, DATA
 from numpy.typing import NDArray
 
 import billiards_sim as bs
+from billiards_sim.engine.elastic import CONTACT_STEPS
+from billiards_sim.engine.tables import set_fields
 
 REFERENCE = json.loads((DATA / "elastic.json").read_text(encoding="utf-8"))
 CASES = {case["name"]: case for case in REFERENCE["cases"]}
@@ -131,6 +133,36 @@ def test_random_clusters_go_as_the_reference_says() -> None:
         errors.append(off.max(initial=0.0) / np.hypot(*starting.T).max())
     assert np.quantile(errors, 0.99 if COMPILED else 0.9) <= 1e-3  # of 30 clusters one may be among the worst
     assert np.median(errors) <= 1e-4
+
+
+def test_closed_forms_in_random_clusters_are_what_their_integration_says() -> None:
+    units = REFERENCE["cluster_columns"]
+    errors = []
+    for time, positions, velocities, _, pressed in REFERENCE["clusters"] if COMPILED else REFERENCE["clusters"][:30]:
+        starting = np.array(velocities) * units["velocities"]
+        places = np.array(positions) * units["positions"] + TABLE.centre
+        simulation = bs.Simulation(bs.Scene(places, starting, table=TABLE, physics=physics({})))
+        integrated = simulation.copy()
+        set_fields(integrated._now.state.constants, 0, integrates_all=True)
+        simulation.run(until=time * units["time"])
+        integrated.run(until=time * units["time"])
+        off = np.abs(simulation.velocities - integrated.velocities)[free(len(starting), pressed)]
+        errors.append(off.max(initial=0.0) / np.hypot(*starting.T).max())
+    assert max(errors) > 0.0  # there are lone pairs
+    assert np.quantile(errors, 0.99 if COMPILED else 0.9) <= 1e-3
+    assert np.median(errors) <= 1e-4
+
+
+def test_finer_steps_keep_the_energy_of_a_rack_to_a_millionth() -> None:
+    case = CASES["rack, gaps 0 mm, aim 4 mm"]
+    assert case["in_contact"] == []
+    scene = bs.Scene(np.array(case["positions"]) + TABLE.centre, case["velocities"], table=TABLE, physics=physics({}))
+    for steps, share in ((CONTACT_STEPS, 2e-5), (80.0, 1e-6)):
+        simulation = bs.Simulation(scene)
+        set_fields(simulation._now.state.constants, 0, contact_steps=steps)
+        before = simulation.kinetic_energy
+        simulation.run(until=case["time"])
+        assert simulation.kinetic_energy == pytest.approx(before, rel=share)
 
 
 def test_a_rack_changes_with_its_gap_no_faster_than_the_reference() -> None:

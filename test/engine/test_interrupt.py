@@ -50,6 +50,15 @@ def dense_cluster() -> bs.Simulation:
     return simulation
 
 
+def elastic_rack() -> bs.Simulation:
+    """A moment before the cue ball meets a rack whose contacts take time."""
+    simulation = bs.Simulation(bs.scenes.rack(physics=bs.Physics.pool()))
+    simulation.shoot(8.0, 0.002)
+    hit = next(event.time for event in simulation.copy().run() if event.kind == "ball_ball")
+    simulation.run(until=hit - 1e-3)
+    return simulation
+
+
 def touching_rack() -> bs.Simulation:
     """Without friction nothing presses: one cluster of impacts."""
     simulation = bs.Simulation(bs.scenes.rack(0.0, physics=bs.Physics(sliding_friction=0.0)))
@@ -109,7 +118,7 @@ def alarm() -> Iterator[Callable[[float, type[BaseException]], None]]:
 
 
 @pytest.mark.parametrize("pieces", [False, True], ids=["run", "advance"])
-@pytest.mark.parametrize("begin", [broken_rack, dense_cluster])
+@pytest.mark.parametrize("begin", [broken_rack, dense_cluster, elastic_rack])
 def test_interrupted_runs_end_as_those_that_were_not(
     begin: Callable[[], bs.Simulation],
     pieces: bool,
@@ -291,7 +300,7 @@ def test_events_that_an_interrupted_call_left_behind_are_kept(kind: str, monkeyp
     assert simulation.positions[0].tobytes() == whole.positions[0].tobytes()
 
 
-@pytest.mark.parametrize("begin", [two_balls, broken_rack, dense_cluster])
+@pytest.mark.parametrize("begin", [two_balls, broken_rack, dense_cluster, elastic_rack])
 def test_calls_that_give_way_lead_to_the_same_end(
     begin: Callable[[], bs.Simulation], monkeypatch: pytest.MonkeyPatch
 ) -> None:

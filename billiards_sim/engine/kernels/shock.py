@@ -62,13 +62,14 @@ OFF_BY = 1e-7
 """m. What the parabola of a step may be off by between its ends: 1e-4 of how deep balls press each other."""
 
 LEAST_DEPTH = 3e-10
-"""m. A contact that opens and is no deeper has ended: its force is below 1e-4 m/s^2."""
+"""m. A contact that opens and is no deeper has ended, and one that closes and has no wider gap begins: its force is
+below 1e-4 m/s^2. Balls of a touching rack whose gaps open and close by rounding would begin theirs at random times."""
 
 SHORTEST = 1e-9
 """s. A step to where a contact begins or ends is no shorter: 1e-8 m at 10 m/s, whose force is nothing."""
 
 NEAR = 1e-12
-"""m. Bodies as near as that to a touch, and closing, touch."""
+"""m. Overlaps as small as that are not parted."""
 
 SEPARATING_SWEEPS = 100
 """Bound on the sweeps that part what still overlaps by some 1e-6 m when the rigid rules take over."""
@@ -632,10 +633,10 @@ def _time_to_touch(state: State, constants: Constants, count: int, now: float) -
             looks_at_me = j < i and other.touches > 0 and other.phase_end <= now  # it is of the island, or due now, too
             if j != i and not looks_at_me and other.phase != OFF_TABLE:
                 gap, closing, faster = _way_to(state, constants, i, j, now)
-                if gap > NEAR and gap < LOOK:
+                if gap > LEAST_DEPTH and gap < LOOK:
                     if not _is_touching(state, i, j):
                         first = min(first, max(_time_for(gap, closing, faster), SHORTEST))
-                elif gap <= NEAR and closing > constants.least_approach and not _is_touching(state, i, j):
+                elif gap <= LEAST_DEPTH and closing > constants.least_approach and not _is_touching(state, i, j):
                     advance_to(state, constants, j, now)
                     release_ball(state, j)
                     _add_touch(state, constants, min(i, j), max(i, j))
@@ -657,7 +658,7 @@ def _time_to_feature(state: State, constants: Constants, i: int) -> float:
         if gap < LOOK:
             nx, ny = normal_of(state, k, ball.x, ball.y)
             closing = -(ball.vx * nx + ball.vy * ny)
-            if gap > NEAR:
+            if gap > LEAST_DEPTH:
                 if not _is_pushed_by(state, i, k):
                     first = min(first, max(_time_for(gap, closing, -(stage.fx * nx + stage.fy * ny)), SHORTEST))
             elif closing > constants.least_approach and not _is_pushed_by(state, i, k):
