@@ -135,7 +135,8 @@ def test_a_ball_that_is_off_the_table_fell_into_no_pocket() -> None:
 @pytest.mark.skipif(COMPILED, reason="a constant of machine code")
 @pytest.mark.parametrize("fits", [5, 6, 9])
 def test_a_shot_may_take_several_calls_of_the_loop(monkeypatch: pytest.MonkeyPatch, fits: int) -> None:
-    shots = bs.Shots([6.0, 0.005] * 5, np.arange(10.0))  # many events and few
+    some = random_shots(10)
+    shots = bs.Shots(np.where(np.arange(10) % 2, 0.005, 6.0), some.azimuth, some.side, some.up)  # many events and few
     expected = bs.rollout(POTS, shots, events=True)
     monkeypatch.setattr(batch, "SLICE", 20)
     monkeypatch.setattr(player, "EVENT_ROWS", sorted(expected.event_count.tolist())[fits])
