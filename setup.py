@@ -33,7 +33,14 @@ setup(
     maintainer_email="maintainers@billiards-sim.example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "study/truth.json", "study/elastic.json", "ros/fastdds.xml", "play/page/*"]},
+    package_data={
+        NAME: [
+            "py.typed",
+            *(f"study/{name}.json" for name in ("truth", "elastic", "pocket_first_event")),
+            "ros/fastdds.xml",
+            "play/page/*",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -14,7 +14,7 @@ import itertools
 import math
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.simulation import Simulation
+from billiards_sim.study import pool
 from billiards_sim.study.measure import ChildError, Task, in_child, installed, spread, version
 from billiards_sim.study.truth import truths
 
@@ -31,6 +32,8 @@ SCENES = ("head_on", "break")
 TIMES = ("0.5", "1", "2", "5")
 """s, at which positions are compared; a run ends with the last."""
 RUNS = 5
+POOL_RUNS = 4
+"""Times as many breaks on the pool table: one takes a fifth."""
 
 Array = NDArray[np.float64]
 
@@ -265,11 +268,20 @@ def compare(peer: str, runs: int) -> dict[str, Any]:
     # A home of its own: pooltool reads and writes settings there that change its physics.
     with tempfile.TemporaryDirectory(prefix="billiards_sim_peer_") as home:
         for scene in SCENES:
-            try:
-                result["scenes"][scene] = in_child(measure, {"HOME": home}, peer=peer, scene=scene, runs=runs)
-            except ChildError as error:
-                result["scenes"][scene] = {"failure": str(error)}
+            result["scenes"][scene] = _tried(measure, home, peer=peer, scene=scene, runs=runs)
+        if peer in pool.PLAYERS:
+            result["pool"] = _tried(pool.measure, home, peer=peer, runs=POOL_RUNS * runs)
     return result | {"absent": False}
+
+
+def _tried(function: Callable[..., dict[str, Any]], home: str, **arguments: Any) -> dict[str, Any]:
+    # This engine keeps its machine code at home.
+    environment = {} if arguments["peer"] == "billiards_sim" else {"HOME": home}
+    try:
+        found: dict[str, Any] = in_child(function, environment, **arguments)
+    except ChildError as error:
+        return {"failure": str(error)}
+    return found
 
 
 def tasks(quick: bool) -> Iterator[Task]:

@@ -47,6 +47,11 @@ every core, measured in turn, so that the first ratio holds on a busy machine as
 BREAK_NOTE = """Breaks at 8 m/s with every effect of pool, aimed up to 14 mm beside the middle, to rest: the median over
 aims of how far the median ball of the 15 ends from where it lay, and what a break costs. Racks 50 ms after the hit:"""
 
+POOL_NOTE = """The break of the scene `nine_ball` from the velocity of the cue ball to rest, on a table of the same
+figures, each engine with the physics that it comes with, here everything: elastic contacts, throw, cushions, spin that
+falls. First events: what single balls meet first at the pockets, against a brute-force search with roots of 30
+digits."""
+
 Results = dict[str, Any]
 
 
@@ -342,6 +347,34 @@ def peer_table(study: dict[str, Any]) -> str:
     return table(("engine", "kind", "scene", "ms for 5 s", "error at 0.5 s, m", "1 s", "2 s", "5 s"), lines)
 
 
+def pool_table(study: dict[str, Any]) -> str:
+    """Time of a break on the pool table, and what single balls meet first."""
+    lines = []
+    ours = study.get("billiards_sim", {}).get("pool", {}).get("wall", {}).get("median")
+    for name, peer in study.items():
+        result = peer.get("pool")
+        if result is None:
+            continue
+        what = f"{name} {peer['version'] or ''}".strip()
+        if "failure" in result:
+            lines.append((f"{what}: failed: {result['failure']}", *[""] * 8))
+            continue
+        wall, first = result["wall"], result["first_events"]
+        lines.append(
+            (
+                what,
+                *(figure(wall[key] * 1e3) for key in ("median", "low", "high")),
+                str(wall["runs"]),
+                figure(wall["median"] / ours) if ours else "-",
+                str(result["events"]),
+                str(result["pocketed"]),
+                f"{first['right']} of {first['cases']}; {figure(first['error'])} s",
+            )
+        )
+    header = ("engine", "ms, median", "smallest", "largest", "runs", "times ours", "events", "pocketed")
+    return table((*header, "first events right; largest error"), lines)
+
+
 def node_table(study: dict[str, Any]) -> str:
     """Load and evenness of the node."""
     if study.get("absent"):
@@ -393,6 +426,8 @@ def sections(results: Results) -> dict[str, str]:
         )
     if peers := results.get("peers"):
         found["Other engines"] = peer_table(peers)
+        if any("pool" in peer for peer in peers.values()):
+            found["A nine-ball break on a 9 ft pool table"] = f"{paragraph(POOL_NOTE)}\n\n{pool_table(peers)}"
     if node := results.get("node"):
         found["The node"] = node_table(node)
     return found
@@ -430,6 +465,11 @@ def highlights(results: Results) -> list[tuple[str, str]]:
             cost, error = figure(result["wall"]["median"] * 1e3), figure(result["position"][CHART_TIME])
             what = f"`break` for 5 s, {name} {peer['version'] or ''}".strip()
             rows.append((what, f"{cost} ms; error {error} m at {CHART_TIME} s"))
+    for name, peer in results.get("peers", {}).items():
+        result = peer.get("pool", {})
+        if "wall" in result:
+            what = f"nine-ball break, pool table, everything on, {name} {peer['version'] or ''}".strip()
+            rows.append((what, f"{figure(result['wall']['median'] * 1e3)} ms"))
     for run in results.get("node", {}).get("runs", []):
         if run["topics"] == "all":
             what = f"node at {run['rate']} Hz, balls {run['balls']}, all topics subscribed"

@@ -7,6 +7,7 @@ import json
 import math
 import pickle
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,18 +27,19 @@ from pocket_checks import (
 )
 
 import billiards_sim as bs
+from billiards_sim.study.pool import FIRST_EVENTS as FILE
 
 POOL_9FT = bs.Table.pool_9ft()
 RADIUS = POOL.radius
 X_MIN, Y_MIN = POOL_9FT.x_min, POOL_9FT.y_min
 
 
-def reference(name: str) -> list[dict[str, Any]]:
-    cases: list[dict[str, Any]] = json.loads((DATA / name).read_text(encoding="utf-8"))["cases"]
+def reference(path: Path) -> list[dict[str, Any]]:
+    cases: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["cases"]
     return cases
 
 
-FIRST_EVENTS = reference("pocket_first_event.json")
+FIRST_EVENTS = reference(FILE)
 
 
 def part_named(feature: str) -> str:
@@ -78,7 +80,7 @@ def rest(simulation: bs.Simulation) -> tuple[Any, ...]:
 
 
 def test_the_parts_of_a_pool_table_are_where_the_reference_has_them() -> None:
-    (case,) = reference("pocket_geometry.json")
+    (case,) = reference(DATA / "pocket_geometry.json")
     centre = np.array([0.5 * 2.54, 0.5 * 1.27])
     jaws = sorted(tuple(np.add(end, centre)) for m in POOL_9FT.mouths for e in m.edges for end in (e.start, e.end))
     points = sorted(tuple(np.add(e.point, centre)) for m in POOL_9FT.mouths for e in m.edges)
@@ -94,7 +96,7 @@ def test_the_parts_of_a_pool_table_are_where_the_reference_has_them() -> None:
 
 
 def test_noses_end_where_points_begin() -> None:
-    (case,) = reference("pocket_geometry.json")
+    (case,) = reference(DATA / "pocket_geometry.json")
     for nose in case["output"]["noses"]:
         for end, other in ("ab", "ba"):
             place, along = np.array(nose[end]), np.subtract(nose[other], nose[end])

@@ -18,7 +18,7 @@ import pytest
 from extras import needs_plot_extra
 
 import billiards_sim as bs
-from billiards_sim.study import benchmark, chaos, elastic, measure, precision, report, rollouts, speed
+from billiards_sim.study import benchmark, chaos, elastic, measure, pool, precision, report, rollouts, speed
 from billiards_sim.study.truth import collisions, truths
 
 REPOSITORY = Path(__file__).parents[2]
@@ -461,3 +461,44 @@ def test_an_interrupted_study_writes_nothing(tmp_path: Path) -> None:
 
 def test_kept_figures_are_json_without_nan() -> None:
     json.loads(FIGURES.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+
+
+def test_this_engine_meets_first_what_the_reference_meets_and_breaks_on_the_pool_table() -> None:
+    found = pool.measure("billiards_sim", 2)
+    assert found["first_events"]["right"] == found["first_events"]["cases"] == 6
+    assert found["first_events"]["error"] <= 1e-11
+    simulation = bs.Simulation(pool.nine_ball_break())
+    events = simulation.run()
+    assert found["events"] == len(events) > 50
+    assert found["pocketed"] == sum(event.kind == "pocketed" for event in events)
+    assert 0.0 < found["wall"]["low"] <= found["wall"]["median"]
+
+
+@pytest.mark.skipif(not measure.installed("pooltool"), reason="needs pooltool, see docs/benchmark")
+def test_pooltool_has_the_table_of_the_same_figures(tmp_path: Path) -> None:
+    found = measure.in_child(pool.measure, {"HOME": str(tmp_path)}, peer="pooltool", runs=1)
+    assert found["first_events"]["right"] == 6
+    assert found["first_events"]["error"] <= 1e-11
+    assert found["events"] > 20
+
+
+def test_the_table_of_the_pool_table_has_ratios_and_failures() -> None:
+    def peer(median: float) -> dict:
+        wall = {"median": median, "low": median, "high": 2.0 * median, "runs": 7}
+        first = {"cases": 6, "right": 5, "error": 2e-15}
+        return {"version": "1.0", "pool": {"wall": wall, "events": 80, "pocketed": 2, "first_events": first}}
+
+    study = {
+        "billiards_sim": peer(4e-4),
+        "slow": peer(0.04),
+        "broken": {"version": "2.0", "pool": {"failure": "no table"}},
+        "without": {"version": "3.0"},
+    }
+    lines = report.pool_table(study).splitlines()[2:]
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+    assert cells[0][:6] == ["billiards_sim 1.0", "0.400", "0.400", "0.800", "7", "1.00"]
+    assert cells[1][5:] == ["100", "80", "2", "5 of 6; 2.0e-15 s"]
+    assert cells[2][0] == "broken 2.0: failed: no table"
+    assert len(cells) == 3
+    rows = report.highlights({"peers": {name: one for name, one in study.items() if name != "without"}})
+    assert ("nine-ball break, pool table, everything on, slow 1.0", "40.0 ms") in rows
