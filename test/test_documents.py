@@ -23,6 +23,7 @@ RUN = (
     "ros2 service call",
     "ros2 topic pub",
     "python3 -m billiards_sim simulate",
+    "python3 docs/learn.py",
     "python3 -m billiards_sim table",
     "shoot",
 )

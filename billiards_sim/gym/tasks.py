@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,10 +93,6 @@ class Task(ABC):
             raise ValueError("options of reset must leave the cue ball and another one in play")
         return scene.positions.copy(), scene.in_play.copy()
 
-    def anywhere(self, random: np.random.Generator) -> NDArray[np.float64]:
-        """(N, 2) m: places of all balls, each as probable as any where none overlap."""
-        return free_places(len(self.scene), self.scene.table, self.scene.physics, random)
-
 
 class Pool(Task):
     """Pot the object balls: 1 for each that falls, and the end when none is left; -1 and the end if the cue ball falls.
@@ -119,11 +116,12 @@ class Pool(Task):
             raise ValueError(f"balls must be a whole number from 1 to {MOST_BALLS}, got {shown(balls)}")
         if not table.mouths:
             raise ValueError("the table of pool must have pockets")
-        places = free_places(balls + 1, table, physics, np.random.default_rng(0))
+        self._room = Room(balls + 1, table, physics)
+        places = self._room.places(np.random.default_rng(0))
         super().__init__(Scene(places, table=table, physics=physics), (0.3, 4.5), noise)
 
     def start(self, random: np.random.Generator) -> NDArray[np.float64]:
-        return self.anywhere(random)
+        return self._room.places(random)
 
     def judge(self, result: Rollout, in_play: NDArray[np.bool_]) -> Verdict:
         fell = in_play & ~result.in_play
@@ -160,10 +158,10 @@ class SumToThree(Task):
             raise ValueError("the table of sum to three must not have pockets")
         scene = Scene([table.head_spot, table.foot_spot], table=table, physics=physics)
         super().__init__(scene, (0.3, 3.0), noise)
-        self._random_start = random_start
+        self._room = Room(2, table, physics) if random_start else None
 
     def start(self, random: np.random.Generator) -> NDArray[np.float64]:
-        return self.anywhere(random) if self._random_start else self.scene.positions.copy()
+        return self.scene.positions.copy() if self._room is None else self._room.places(random)
 
     def judge(self, result: Rollout, in_play: NDArray[np.bool_]) -> Verdict:
         cushions = np.array([result.events(shot).kinds.count("ball_rail") for shot in range(len(result))])
@@ -171,23 +169,29 @@ class SumToThree(Task):
         return Verdict(scored.astype(np.float64), np.zeros(len(result), np.bool_), {"cushions": cushions})
 
 
-def free_places(count: int, table: Table, physics: Physics, random: np.random.Generator) -> NDArray[np.float64]:
-    """(count, 2) m: places of balls, each as probable as any where none overlap.
+class Room:
+    """Where balls can lie on a table that is otherwise empty.
 
     Raises:
-        ValueError: none were found.
+        ValueError: so many find no place.
     """
-    low = np.array([table.x_min, table.y_min]) + physics.radius
-    high = np.array([table.x_max, table.y_max]) - physics.radius
-    first, second = _pairs(count)
-    least = (2.0 * physics.radius) ** 2
-    for _ in range(ATTEMPTS):
-        places = random.uniform(low, high, (count, 2))
-        if (((places[first] - places[second]) ** 2).sum(axis=1) > least).all():
-            return places
-    raise ValueError(f"{count} balls of radius {physics.radius:g} m find no room on this table")
 
+    def __init__(self, count: int, table: Table, physics: Physics) -> None:
+        self._count = count
+        self._what = f"{count} balls of radius {physics.radius:g} m"
+        self._low = np.array([table.x_min, table.y_min]) + physics.radius
+        self._size = np.array([table.x_max, table.y_max]) - physics.radius - self._low
+        self._pairs = list(combinations(range(count), 2))
+        self._least = 2.0 * physics.radius
+        self.places(np.random.default_rng(0))
 
-@cache
-def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    return np.triu_indices(count, 1)
+    def places(self, random: np.random.Generator) -> NDArray[np.float64]:
+        """(count, 2) m: places of the balls, each as probable as any where none overlap."""
+        for _ in range(ATTEMPTS):
+            places = self._low + self._size * random.random((self._count, 2))
+            if self._are_free(places.tolist()):
+                return places
+        raise ValueError(f"{self._what} find no room on this table")
+
+    def _are_free(self, places: list[list[float]]) -> bool:
+        return all(math.dist(places[one], places[other]) > self._least for one, other in self._pairs)

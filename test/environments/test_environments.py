@@ -20,7 +20,7 @@ import billiards_sim as bs  # noqa: E402
 from billiards_sim.engine.kernels.state import NOBODY  # noqa: E402
 from billiards_sim.gym import PoolEnv, SumToThreeEnv  # noqa: E402
 from billiards_sim.gym.tables import Tables  # noqa: E402
-from billiards_sim.gym.tasks import Pool, SumToThree, free_places  # noqa: E402
+from billiards_sim.gym.tasks import Pool, Room, SumToThree  # noqa: E402
 from billiards_sim.outline import outline  # noqa: E402
 
 POOL_TABLE, POOL = bs.Table.pool_9ft(), bs.Physics.pool()
@@ -229,7 +229,7 @@ def test_bad_options_are_refused_and_change_nothing(options: dict[str, Any], rea
         (lambda: SumToThreeEnv(table=POOL_TABLE), "the table of sum to three must not have pockets"),
         (lambda: SumToThreeEnv(random_start=1), "random_start must be a bool, got 1"),
         (lambda: SumToThreeEnv(table=bs.Table(length=0.12, width=0.07)), "reaches 0.00075 m into a rail"),
-        (lambda: free_places(15, bs.Table(length=0.3, width=0.3), POOL, np.random.default_rng(0)), "find no room"),
+        (lambda: Room(15, bs.Table(length=0.3, width=0.3), POOL), "15 balls of radius 0.028575 m find no room"),
     ],
 )
 def test_what_cannot_be_played_is_refused_when_it_is_made(make: Any, reason: str) -> None:
