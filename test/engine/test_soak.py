@@ -62,3 +62,9 @@ def test_clusters_at_a_rail_gain_no_energy(seed: int) -> None:
 def test_ball_that_hardly_moves_sets_off_without_pressing_into_its_neighbour() -> None:
     # Pushed, nearly at rest: its direction turns within the step.
     assert broken_laws(run_break(13482)) == []
+
+
+@pytest.mark.parametrize("seed", [1131, 2365])
+def test_slow_elastic_contacts_beside_fast_ones_leave_no_overlap(seed: int) -> None:
+    # Balls between a rail and one that presses somebody else had no room to part.
+    assert broken_laws(run_elastic_scene(seed)) == []

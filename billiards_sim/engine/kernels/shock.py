@@ -71,6 +71,9 @@ SHORTEST = 1e-9
 NEAR = 1e-12
 """m. Overlaps as small as that are not parted."""
 
+BESIDE = 1e-5
+"""m. The overlaps that are parted when the rigid rules take over are half as large at most."""
+
 SEPARATING_SWEEPS = 100
 """Bound on the sweeps that part what still overlaps by some 1e-6 m when the rigid rules take over."""
 
@@ -150,6 +153,7 @@ def _enter(state: State, i: int) -> None:
     mark(state, i)
     ball.touches += 1
     ball.phase_end = ball.time
+    state.stages[i].slow = False
 
 
 @kernel
@@ -439,7 +443,7 @@ def _end_step(state: State, constants: Constants, i: int, now: float) -> None:
             _part(state, constants, state.touches[0], duration)
         else:
             _rub(state, constants, touches)
-        _drop_ended(state, constants, touches, now, alone)
+        _drop_ended(state, constants, touches, count, now, alone)
     for k in range(count):
         member = state.members[k].ball
         state.balls[member].phase_end = now
@@ -465,14 +469,17 @@ def _integrate_in_parts(state: State, constants: Constants, count: int, now: flo
 
 
 @kernel
-def _drop_ended(state: State, constants: Constants, touches: int, now: float, alone: bool) -> None:
-    # Log and forget the touches that have ended; all of them, where all are slow.
+def _drop_ended(state: State, constants: Constants, touches: int, count: int, now: float, alone: bool) -> None:
+    # Log and forget the touches that have ended; all of them, where all are slow and their balls have room to part.
     fastest = 0.0
     for c in range(touches):
         touch = state.touches[c]
         depth = max(_depth(state, constants, touch), 0.0)
         fastest = max(fastest, free_speed(depth, _opening(state, touch), _share(touch), constants))
-    rigid = fastest <= SLOW and not alone
+    slow = fastest <= SLOW and not alone
+    for k in range(count):
+        state.stages[state.members[k].ball].slow = slow
+    rigid = slow and not _leans_on_others(state, constants, count, now)
     if rigid:
         _separate(state, constants, touches, now)
     for c in range(touches - 1, -1, -1):
@@ -481,6 +488,30 @@ def _drop_ended(state: State, constants: Constants, touches: int, now: float, al
         ended = depth <= LEAST_DEPTH and (_opening(state, touch) >= 0.0 or depth < -OFF_BY)
         if ended or rigid or alone:
             _drop(state, constants, c, now)
+
+
+@kernel
+def _leans_on_others(state: State, constants: Constants, count: int, now: float) -> bool:
+    # Whether beside a slow island there is a ball that presses others, and is not to be moved.
+    for k in range(count):
+        i = state.members[k].ball
+        j = first_neighbour(state, constants, i)
+        while j != NOBODY:
+            presses = state.balls[j].touches > 0 and not state.stages[j].slow
+            if presses and not _is_member(state, count, j):
+                gap, _, _ = _way_to(state, constants, i, j, now)
+                if gap < BESIDE:
+                    return True
+            j = next_neighbour(state, constants, i, j)
+    return False
+
+
+@kernel
+def _is_member(state: State, count: int, j: int) -> bool:
+    k = 0
+    while k < count and state.members[k].ball != j:
+        k += 1
+    return k < count
 
 
 @kernel
@@ -550,8 +581,8 @@ def _move_off(state: State, constants: Constants, i: int, now: float) -> float:
             depth = 2.0 * constants.radius - distance
             if depth > NEAR:
                 worst = max(worst, depth)
-                yields = state.stages[j].moved or other.touches == 0
-                if not state.stages[j].moved and yields:
+                yields = state.stages[j].moved or other.touches == 0 or state.stages[j].slow
+                if not state.stages[j].moved and other.touches == 0:
                     settle_to(state, constants, j, now)
                     state.stages[j].moved = True
                 part = 0.5 * depth / distance if yields else depth / distance

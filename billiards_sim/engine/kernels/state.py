@@ -182,6 +182,7 @@ class Stage:
     uy: float = 0.0
     fx: float = 0.0  # m/s^2, acceleration there
     fy: float = 0.0
+    slow: bool = False  # all contacts of its island are
     moved: bool = False  # it is moved off others
     before_x: float = 0.0  # m/s^2, at the stage before
     before_y: float = 0.0
