@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from billiards_sim.engine import scenes
+    from billiards_sim.engine import goals, scenes
     from billiards_sim.engine.events import Event
     from billiards_sim.engine.machine import compile
     from billiards_sim.engine.noise import ShooterNoise
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from billiards_sim.engine.rollout import BadShots, BrokenRollout, Rollout, rollout
     from billiards_sim.engine.scene import Scene, Shot
     from billiards_sim.engine.scene_file import load_scene, save_scene
+    from billiards_sim.engine.search import Found, search
     from billiards_sim.engine.shots import Shots
     from billiards_sim.engine.simulation import Simulation, StallError
     from billiards_sim.engine.table import Table
@@ -31,6 +32,7 @@ __all__ = [
     "BadShots",
     "BrokenRollout",
     "Event",
+    "Found",
     "Physics",
     "Pocket",
     "Rollout",
@@ -43,17 +45,20 @@ __all__ = [
     "StallError",
     "Table",
     "compile",
+    "goals",
     "load_scene",
     "record",
     "rollout",
     "save_scene",
     "scenes",
+    "search",
 ]
 
 _HOMES = {
     "BadShots": "rollout",
     "BrokenRollout": "rollout",
     "Event": "events",
+    "Found": "search",
     "Physics": "physics",
     "Pocket": "pocket",
     "Rollout": "rollout",
@@ -70,6 +75,7 @@ _HOMES = {
     "record": "record",
     "rollout": "rollout",
     "save_scene": "scene_file",
+    "search": "search",
 }
 
 

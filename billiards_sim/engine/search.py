@@ -1,0 +1,415 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds shots that reach a goal, and go on reaching it with a shooter's noise.
+
+1. Sweep. Around directions, by geometry and all round, azimuths are played without noise for a few speeds and heights
+   of the tip; scores are averaged over the azimuth by its error. This finds the aim that throw and rails have moved.
+2. Trial. The best few are played with noise; in each direction the best one stays.
+3. Refinement of each by the cross-entropy method (Rubinstein 1999): shots are drawn around it, normally distributed in
+   azimuth, log speed, side and up; the best quarter gives the next mean and deviations.
+4. Choice. What came of it is played again, and the best shots once more, with errors of their own: the value that is
+   told was not picked for its luck.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_sim.engine.noise import ShooterNoise
+from billiards_sim.engine.physics import SPEED_LIMIT, Physics
+from billiards_sim.engine.potting import Direction
+from billiards_sim.engine.quantity import number, shown
+from billiards_sim.engine.rollout import Rollout, rollout
+from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.shots import Shots
+
+Array = NDArray[np.float64]
+Goal = Callable[[Rollout], Any]
+
+SPEEDS = 4
+UPS = (0.0, -0.6, 0.6)
+"""Of a sweep: speeds between the bounds, in equal ratios, and heights of the tip as shares of the room for it."""
+
+SWEEP = (9, 201)
+"""Fewest and most azimuths of a sweep."""
+
+FINENESS = 0.7
+"""Share of the tolerance between two azimuths of a sweep: three lie within it."""
+
+ALL_ROUND = 180
+"""Starts all round. Geometry does not know every shot; one that noise does not spoil is wide enough to be found so."""
+
+TIP_ROOM = 0.5
+"""Radii from the centre that the tip stays within, where the miscue limit is further out."""
+
+SAFE = 3.0
+"""Standard deviations that the tip stays away from the miscue limit."""
+
+TRIALS = 4
+"""Directions that are tried with noise, and half as many that are refined, for each shot that is asked for."""
+
+VARIANTS = 2
+"""Shots in a direction that are tried."""
+
+ROUNDS = 5
+POPULATION = (16, 256)
+ELITE = 0.25
+"""Of the refinement: rounds, fewest and most shots in a direction in each, and the share of the best of these."""
+
+KEPT = 0.3
+"""Share of the deviations that stays from round to round: a few lucky shots must not end the search."""
+
+SPREAD = (0.25, 0.1, 0.15)
+"""First standard deviations of log speed, side and up, radii."""
+
+SAME = 1e-3
+"""rad between directions that count as two."""
+
+APART = 2.0
+"""The same in standard deviations of the noise."""
+
+FEWEST, MOST = 8, 200
+"""Samples of a shot while the search goes on."""
+
+LEAST_BUDGET = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What `search` found, the best shot first.
+
+    Attributes:
+        shots: K of them, at most as many as were asked for, each in another direction.
+        values: (K,) mean score of each, over fresh samples of the noise.
+        errors: (K,) standard error of that mean; 0 without noise.
+        result: of the last rollout, (K, S) with noise, else (K,): where balls end.
+        scores: of the goal for it, of the same shape.
+        played: number of shots that the search played.
+    """
+
+    shots: Shots
+    values: Array
+    errors: Array
+    result: Rollout
+    scores: Array
+    played: int
+
+    def __len__(self) -> int:
+        return len(self.shots)
+
+
+class _Lead(NamedTuple):
+    """A shot that is worth a closer look."""
+
+    shot: Array  # (4,) azimuth, speed, side, up
+    spread: float  # rad, how exactly its azimuth is known
+
+
+def search(
+    scene: Scene,
+    goal: Goal,
+    *,
+    noise: ShooterNoise | None = None,
+    samples: int = 400,
+    best: int = 5,
+    seed: int = 0,
+    budget: int = 100_000,
+    speeds: tuple[float, float] = (0.7, 5.0),
+    directions: Sequence[Direction] | None = None,
+    until: float | None = None,
+    executor: Executor | None = None,
+    ball: str = "cue",
+) -> Found:
+    """Search for the shots with the highest mean score under a shooter's noise.
+
+    Args:
+        goal: a function of a `Rollout` that gives each shot a number, an array of the shape of its `error`; higher is
+            better. `goals` has some.
+        noise: of the shooter; None: each shot is played as it is meant.
+        samples: with which the shots that are returned are valued.
+        best: how many shots are wanted.
+        seed: of all that is drawn; the same one gives the same shots, to the bit.
+        budget: about how many shots may be played before the last valuation.
+        speeds: lowest and highest, m/s.
+        directions: where to search; None: all round, and where the goal says, by its method `directions(scene)`.
+        until, executor, ball: as of `rollout`.
+
+    Raises:
+        ValueError: an argument is wrong, or the goal's scores have another shape, or are nan where there is no error.
+        BrokenRollout: the executor broke.
+    """
+    return _Search(scene, goal, noise, samples, best, seed, budget, speeds, until, executor, ball).run(directions)
+
+
+class _Search:
+    def __init__(
+        self,
+        scene: Scene,
+        goal: Goal,
+        noise: ShooterNoise | None,
+        samples: int,
+        best: int,
+        seed: int,
+        budget: int,
+        speeds: tuple[float, float],
+        until: float | None,
+        executor: Executor | None,
+        ball: str,
+    ) -> None:
+        if not isinstance(scene, Scene):
+            raise ValueError(f"scene must be Scene, got {shown(scene)}")
+        if not callable(goal):
+            raise ValueError(f"goal must be a function of a rollout's result, got {shown(goal)}")
+        if noise is not None and not isinstance(noise, ShooterNoise):
+            raise ValueError(f"noise must be a ShooterNoise or None, got {shown(noise)}")
+        for name, value, least in (
+            ("samples", samples, 1),
+            ("best", best, 1),
+            ("seed", seed, 0),
+            ("budget", budget, LEAST_BUDGET),
+        ):
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
+                raise ValueError(f"{name} must be a whole number >= {least}, got {shown(value)}")
+        self.scene, self.goal, self.noise, self.samples, self.best = scene, goal, noise, int(samples), int(best)
+        self.seed, self.budget, self.until, self.executor, self.ball = int(seed), int(budget), until, executor, ball
+        self.speeds = _bounds(speeds)
+        self.room = _tip_room(scene.physics, noise)
+        self.played = self.stage = 0
+
+    def run(self, given: Sequence[Direction] | None) -> Found:
+        return self._choose(self._refine(self._trial(self._sweep(self._directions(given)))))
+
+    def _directions(self, given: Sequence[Direction] | None) -> list[tuple[Direction, int]]:
+        # With the number of azimuths to be played around each.
+        affordable = max(self.budget // (2 * SPEEDS * len(UPS)), 1)
+        if given is None:
+            known = self.goal.directions(self.scene) if hasattr(self.goal, "directions") else []
+            directions = _fitting(known, affordable // 2)
+            rest = max(affordable - sum(width for _, width in directions), 0 if directions else 1)
+            around = min(ALL_ROUND, rest)
+            azimuths = np.linspace(0.0, math.tau, around, endpoint=False).tolist()
+            every = [Direction(azimuth, math.pi / around, math.nan) for azimuth in azimuths]
+            return directions + [(direction, rest // around) for direction in every]
+        return _fitting(given, affordable)
+
+    def _sweep(self, directions: list[tuple[Direction, int]]) -> list[_Lead]:
+        # The best shots around each start without noise, best first.
+        grid = self._grid()
+        offsets = [
+            np.linspace(-direction.window, direction.window, 2 * width + 1)[1::2] for direction, width in directions
+        ]
+        azimuths = np.concatenate([direction.azimuth + offset for (direction, _), offset in zip(directions, offsets)])
+        shots = np.column_stack((np.repeat(azimuths, len(grid)), np.tile(grid, (len(azimuths), 1))))
+        scores = self._scores(shots)[1].reshape(len(azimuths), len(grid))
+        shots = shots.reshape(*scores.shape, 4)
+        leads = []
+        first = 0
+        for (direction, width), offset in zip(directions, offsets):
+            step = 2.0 * direction.window / width
+            smooth = self._weights(offset, step) @ scores[first : first + width]
+            for column, row in enumerate(smooth.argmax(axis=0).tolist()):
+                spread = step if math.isnan(direction.tolerance) else min(step, 0.5 * direction.tolerance)
+                leads.append((float(smooth[row, column]), _Lead(shots[first + row, column], spread)))
+            first += width
+        leads.sort(key=lambda scored: -scored[0])
+        return [lead for _, lead in leads]
+
+    def _grid(self) -> Array:
+        # (G, 3): speed, side, up.
+        speeds = np.geomspace(*self.speeds, SPEEDS)
+        return np.array([(speed, 0.0, up * self.room) for up in UPS for speed in speeds])
+
+    def _weights(self, offsets: Array, step: float) -> Array:
+        # (W, W): how likely the error of the azimuth leads from one offset to another. Near ones count a little in any
+        # case, so that of many that are as good a middle one is taken. Beyond the window nothing is won.
+        deviation = max(0.0 if self.noise is None else self.noise.azimuth, step, 1e-300)
+        reach = math.ceil(4.0 * deviation / step) if step else 0
+        whole = np.exp(-0.5 * (np.arange(-reach, reach + 1) * step / deviation) ** 2).sum()
+        return np.exp(-0.5 * ((offsets[:, np.newaxis] - offsets) / deviation) ** 2) / whole
+
+    def _trial(self, leads: list[_Lead]) -> list[_Lead]:
+        # With noise; the best in each direction.
+        taken = self._apart(leads, TRIALS * self.best, VARIANTS)
+        means = self._means(np.array([lead.shot for lead in taken]), self._samples(len(taken), 0.1))
+        return self._best_apart(taken, means, max(TRIALS * self.best // 2, 1))
+
+    def _best_apart(self, leads: list[_Lead], values: Array, count: int) -> list[_Lead]:
+        order = np.argsort(-values, kind="stable").tolist()
+        return self._apart([leads[index] for index in order], count, 1)
+
+    def _apart(self, leads: list[_Lead], count: int, variants: int) -> list[_Lead]:
+        # The first ones in so many directions, and so many in each: what errors blur is one.
+        blur = SAME if self.noise is None else max(SAME, APART * self.noise.azimuth)
+        directions: list[list[_Lead]] = []
+        for lead in leads:
+            near = (
+                kept for kept in directions if abs(math.remainder(lead.shot[0] - kept[0].shot[0], math.tau)) <= blur
+            )
+            kept = next(near, None)
+            if kept is None and len(directions) < count:
+                directions.append([lead])
+            elif kept is not None and len(kept) < variants:
+                kept.append(lead)
+        return [lead for kept in directions for lead in kept]
+
+    def _refine(self, leads: list[_Lead]) -> list[_Lead]:
+        # The better half of them, each with what the cross-entropy method makes of it: the last mean, and the best of
+        # the last round.
+        share = 0.4 / ROUNDS
+        mean = np.array([_free(lead.shot) for lead in leads])
+        deviation = np.array([(lead.spread, *SPREAD) for lead in leads])
+        for turn in range(ROUNDS):
+            count = len(mean)
+            samples = self._samples(count * POPULATION[0], share)
+            size = int(min(max(share * self.budget / (count * samples), POPULATION[0]), POPULATION[1]))
+            random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1, turn)))
+            errors = random.standard_normal((count, size, 4))
+            errors[:, 0] = 0.0  # the mean itself is among them
+            drawn = self._allowed(mean[:, np.newaxis] + errors * deviation[:, np.newaxis])
+            values = self._means(_shot(drawn.reshape(-1, 4)), samples).reshape(count, size)
+            order = np.argsort(-values, axis=1, kind="stable")[:, : round(ELITE * size)]
+            elite = np.take_along_axis(drawn, order[:, :, np.newaxis], axis=1)
+            mean = self._allowed(elite.mean(axis=1))
+            deviation = KEPT * deviation + (1.0 - KEPT) * elite.std(axis=1)
+            if turn == 0:
+                worth = np.take_along_axis(values, order, axis=1).mean(axis=1)
+                kept = np.argsort(-worth, kind="stable")[: self.best]
+                mean, deviation, elite, leads = mean[kept], deviation[kept], elite[kept], [leads[k] for k in kept]
+        found = []
+        for index, lead in enumerate(leads):
+            shots = _shot(np.array([mean[index], elite[index, 0]]))
+            found += [lead._replace(shot=shots[0]), lead._replace(shot=shots[1]), lead]
+        return found
+
+    def _choose(self, leads: list[_Lead]) -> Found:
+        means = self._means(np.array([lead.shot for lead in leads]), self._samples(len(leads), 0.1))
+        chosen = self._best_apart(leads, means, self.best)
+        result, scores = self._scores(np.array([lead.shot for lead in chosen]), self.samples)
+        values, errors = scores, np.zeros(len(chosen))
+        if scores.ndim > 1:
+            values = scores.mean(axis=1)
+            errors = scores.std(axis=1) / math.sqrt(self.samples)
+        rank = np.argsort(-values, kind="stable")
+        chosen = [chosen[index] for index in rank.tolist()]
+        return Found(
+            _shots(np.array([lead.shot for lead in chosen])),
+            values[rank],
+            errors[rank],
+            _reordered(result, rank),
+            scores[rank],
+            self.played,
+        )
+
+    def _samples(self, shots: int, share: float) -> int:
+        # Of each of so many shots, for this share of the budget.
+        if self.noise is None:
+            return 1
+        return min(max(int(share * self.budget) // shots, FEWEST), MOST)
+
+    def _means(self, shots: Array, samples: int) -> Array:
+        # (M,) of shots (M, 4).
+        scores = self._scores(shots, samples if self.noise is not None else 0)[1]
+        return scores.mean(axis=1) if scores.ndim > 1 else scores
+
+    def _scores(self, shots: Array, samples: int = 0) -> tuple[Rollout, Array]:
+        # (M, S) of shots (M, 4), or (M,) without noise: for 0 samples, or where there is none or only one.
+        self.stage += 1
+        entropy = np.random.SeedSequence(self.seed, spawn_key=(0, self.stage)).generate_state(2, np.uint64)
+        noise = self.noise if samples else None
+        result = rollout(
+            self.scene,
+            _shots(shots),
+            until=self.until,
+            noise=noise,
+            samples=samples if noise is not None else 1,
+            seed=int(entropy[0]),
+            executor=self.executor,
+            ball=self.ball,
+        )
+        self.played += result.error.size
+        scores = np.array(self.goal(result), np.float64)
+        if scores.shape != result.error.shape:
+            raise ValueError(f"goal must give scores of shape {result.error.shape}, got {scores.shape}")
+        unknown = np.isnan(scores)
+        if (unknown & (result.error == 0)).any():
+            raise ValueError(f"goal gives nan for {np.count_nonzero(unknown)} of {scores.size} shots that were played")
+        scores[unknown] = 0.0
+        return result, scores
+
+    def _allowed(self, free: Array) -> Array:
+        # Drawn shots, (..., 4), with speed and tip within their bounds.
+        inside = free.copy()
+        inside[..., 1] = np.clip(free[..., 1], *np.log(self.speeds))
+        away = np.hypot(free[..., 2], free[..., 3])
+        inside[..., 2:] *= np.minimum(1.0, self.room / np.maximum(away, 1e-300))[..., np.newaxis]
+        return inside
+
+
+def _fitting(directions: Sequence[Direction], affordable: int) -> list[tuple[Direction, int]]:
+    # As many of the first ones as can be afforded, but at least one, each with the number of azimuths around it.
+    found: list[tuple[Direction, int]] = []
+    for index, direction in enumerate(directions):
+        if math.isnan(direction.tolerance):
+            wanted = affordable / (len(directions) - index)
+        else:
+            wanted = 2.0 * direction.window / (FINENESS * max(direction.tolerance, 1e-300))
+        width = int(min(max(wanted, SWEEP[0]), SWEEP[1]))
+        if found and width > affordable:
+            break
+        found.append((direction, width))
+        affordable -= width
+    return found
+
+
+def _free(shot: Array) -> Array:
+    # Azimuth, log speed, side, up: in which errors are drawn.
+    return np.array([shot[0], math.log(shot[1]), shot[2], shot[3]])
+
+
+def _shot(free: Array) -> Array:
+    # (M, 4) the other way.
+    shots = free.copy()
+    shots[:, 1] = list(map(math.exp, free[:, 1].tolist()))
+    return shots
+
+
+def _shots(rows: Array) -> Shots:
+    azimuth, speed, side, up = rows.T
+    return Shots(speed, azimuth, side, up)
+
+
+def _bounds(speeds: Any) -> tuple[float, float]:
+    try:
+        low, high = (number("speeds", speed) for speed in speeds)
+    except (TypeError, ValueError):
+        raise ValueError(f"speeds must be two numbers, lowest and highest in m/s, got {shown(speeds)}") from None
+    if not 0.0 < low <= high <= SPEED_LIMIT:
+        raise ValueError(f"speeds must be > 0, in order and <= {SPEED_LIMIT:g} m/s, got {low:.9g} and {high:.9g}")
+    return low, high
+
+
+def _tip_room(physics: Physics, noise: ShooterNoise | None) -> float:
+    # Radii from the centre within which the tip is aimed.
+    error = 0.0 if noise is None else SAFE * max(noise.side, noise.up)
+    return max(min(physics.miscue_limit, TIP_ROOM) - error, 0.0)
+
+
+def _reordered(result: Rollout, rank: NDArray[np.intp]) -> Rollout:
+    # With its shots in another order.
+    arrays: dict[str, Any] = {
+        field.name: value[rank]
+        for field in fields(result)
+        if isinstance(value := getattr(result, field.name), np.ndarray)
+    }
+    places = {old: new for new, old in enumerate(rank.tolist())}
+    reasons: dict[Any, str] = {
+        (places[key[0]], key[1]) if isinstance(key, tuple) else places[key]: reason
+        for key, reason in result.reasons.items()
+    }
+    return replace(result, **arrays, reasons=dict(sorted(reasons.items())))

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search for shots: it finds the aim that friction has moved, values it honestly, and draws the same every time."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+from checks import COMPILED
+
+import billiards_sim as bs
+from billiards_sim.engine.potting import Direction, pots
+
+TABLE = bs.Table.pool_9ft()
+POOL = bs.Physics.pool()
+NOISE = bs.ShooterNoise.tournament()
+CUT = bs.Scene([(1.5, 0.9), (2.1, 1.0)], names=("cue", "1"), table=TABLE, physics=POOL)
+"""A half-ball cut into x_max_y_max, and other ways."""
+
+BUDGET = 20_000 if COMPILED else 500
+SAMPLES = 200 if COMPILED else 20
+
+COMPILED_ONLY = pytest.mark.skipif(not COMPILED, reason="thousands of shots take seconds interpreted")
+
+
+def pot(scene: bs.Scene = CUT, **arguments: Any) -> bs.Found:
+    goal = bs.goals.pocket(scene, "1", "x_max_y_max")
+    options = {"budget": BUDGET, "samples": SAMPLES, "best": 2, "noise": NOISE, **arguments}
+    return bs.search(scene, goal, **options)
+
+
+def test_the_aim_that_throw_has_moved_is_found() -> None:
+    far = bs.Scene([(1.0, 0.4), (1.4, 0.75)], names=("cue", "1"), table=TABLE, physics=POOL)
+    ghost = next(start for start in pots(far, "1", "x_max_y_max") if start.kind == "direct")
+    assert not bs.rollout(far, bs.Shots(np.linspace(0.9, 1.1, 10), ghost.azimuth)).pocketed("1").any()
+    found = pot(far, noise=None, directions=[ghost], speeds=(0.9, 1.1))
+    assert found.values.tolist()[:1] == [1.0]
+    assert bs.rollout(far, found.shots[:1]).pocketed("1", "x_max_y_max").all()
+    assert abs(found.shots.azimuth[0] - ghost.azimuth) < ghost.window
+
+
+def test_the_shots_that_are_found_hold_under_noise() -> None:
+    found = pot()
+    again = bs.rollout(CUT, found.shots, noise=NOISE, samples=400 if COMPILED else 50, seed=99)
+    rates = (again.pocketed("1", "x_max_y_max") & ~again.pocketed("cue")).mean(axis=1)
+    assert found.values[0] >= (0.9 if COMPILED else 0.6)
+    # Both are means of independent draws: five standard errors of their difference.
+    spread = np.sqrt(found.errors**2 + rates * (1.0 - rates) / again.error.shape[1]) + 1.0 / SAMPLES
+    assert (np.abs(rates - found.values) < 5.0 * spread).all()
+
+
+def test_the_best_come_first_and_the_values_are_those_of_the_result() -> None:
+    found = pot()
+    goal = bs.goals.pocket(CUT, "1", "x_max_y_max")
+    assert found.scores.shape == found.result.error.shape == (len(found), SAMPLES)
+    np.testing.assert_array_equal(found.scores, goal(found.result))
+    np.testing.assert_array_equal(found.values, found.scores.mean(axis=1))
+    np.testing.assert_allclose(found.errors, found.scores.std(axis=1) / math.sqrt(SAMPLES))
+    assert (np.diff(found.values) <= 0.0).all()
+
+
+@COMPILED_ONLY
+def test_the_shots_found_go_in_directions_that_noise_does_not_blur() -> None:
+    found = pot(best=3)
+    azimuths = found.shots.azimuth
+    assert len(found) >= 2
+    away = [abs(math.remainder(a - b, 2.0 * math.pi)) for i, a in enumerate(azimuths) for b in azimuths[:i]]
+    assert min(away) > 2.0 * NOISE.azimuth
+
+
+def test_the_same_seed_finds_the_same_to_the_bit() -> None:
+    small = {"budget": 300, "samples": 5, "best": 1}
+    one = pot(**small, seed=3)
+    with ThreadPoolExecutor(3) as executor:
+        other = pot(**small, seed=3, executor=executor)
+    np.testing.assert_array_equal(one.shots.columns(), other.shots.columns())
+    np.testing.assert_array_equal(one.result.positions, other.result.positions)
+    assert not np.array_equal(one.result.positions, pot(**small, seed=4).result.positions)
+
+
+def test_the_cue_ball_is_kept_where_the_goal_says_so() -> None:
+    middle = np.array((TABLE.x_max, TABLE.y_max)) - 0.04
+    way = np.array((math.cos(0.7), math.sin(0.7)))
+    straight = bs.Scene([middle - 0.9 * way, middle - 0.35 * way], names=("cue", "1"), table=TABLE, physics=POOL)
+    start = [next(start for start in pots(straight, "1", "x_max_y_max") if start.kind == "direct")]
+    kept = bs.search(
+        straight, bs.goals.pocket(straight, "1"), noise=NOISE, directions=start, budget=BUDGET, samples=SAMPLES
+    )
+    assert kept.values[0] > 0.8
+    follow = bs.rollout(straight, bs.Shots(2.5, start[0].azimuth, 0.0, 0.4))
+    assert follow.pocketed("cue").all()  # as a shot with follow would end
+    assert bs.goals.pocket(straight, "1")(follow).tolist() == [0.0]
+    assert bs.goals.pocket(straight, "1", keep_cue=False)(follow).tolist() == [1.0]
+
+
+def test_a_goal_of_ones_own_is_searched_for_all_round() -> None:
+    alone = bs.Scene([(1.0, 0.6)], table=bs.Table(), physics=bs.Physics())
+    target = np.array((1.9, 0.9))
+
+    def near(result: bs.Rollout) -> Any:
+        return -np.hypot(*np.moveaxis(result.positions[..., 0, :] - target, -1, 0))
+
+    found = bs.search(alone, near, budget=4 * BUDGET if COMPILED else 2_000, speeds=(0.3, 2.0), best=2)
+    assert found.values[0] > (-0.02 if COMPILED else -0.05)  # m
+    assert not found.errors.any()
+
+
+def test_speeds_and_tip_stay_within_their_bounds() -> None:
+    found = pot(speeds=(1.5, 1.6))
+    assert ((found.shots.speed >= 1.5) & (found.shots.speed <= 1.6)).all()
+    # Three standard deviations inside the miscue limit, less than 0.3 % of tips slip off.
+    assert (np.hypot(found.shots.side, found.shots.up) <= POOL.miscue_limit - 3.0 * NOISE.side + 1e-12).all()
+
+
+@COMPILED_ONLY
+def test_the_budget_bounds_what_is_played() -> None:
+    few, many = (pot(budget=budget, samples=10, best=1).played for budget in (BUDGET // 2, 2 * BUDGET))
+    assert few < many < 4 * BUDGET
+
+
+def test_a_score_that_is_nan_counts_as_nothing_where_the_shot_was_not_played() -> None:
+    rough = bs.ShooterNoise(0.0, 0.0, 0.4, 0.0)
+
+    def height(result: bs.Rollout) -> Any:
+        return result.positions[..., 0, 1]  # nan where the tip slipped off
+
+    start = [Direction(0.5, 0.1, math.nan)]
+    found = bs.search(CUT, height, noise=rough, directions=start, budget=300, samples=60, best=1)
+    slipped = found.result.error > 0
+    assert slipped.any()
+    assert (found.scores[slipped] == 0.0).all()
+    assert (found.scores[~slipped] > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    "goal, said",
+    [
+        (lambda result: np.zeros(3), r"goal must give scores of shape \(\d+,\), got \(3,\)"),
+        (lambda result: np.full(result.error.shape, math.nan), "goal gives nan for"),
+        ("3", "goal must be a function"),
+    ],
+)
+def test_a_goal_that_is_none_is_refused(goal: Any, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        bs.search(CUT, goal, budget=100)
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        ({"samples": 0}, "samples must be a whole number >= 1, got 0"),
+        ({"best": 1.5}, "best must be a whole number >= 1, got 1.5"),
+        ({"seed": -1}, "seed must be a whole number >= 0, got -1"),
+        ({"budget": 5}, "budget must be a whole number >= 100, got 5"),
+        ({"noise": 0.1}, "noise must be a ShooterNoise or None, got 0.1"),
+        ({"speeds": (2.0, 1.0)}, "speeds must be > 0, in order"),
+        ({"speeds": 3.0}, "speeds must be two numbers"),
+        ({"ball": "x"}, "x"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        pot(**arguments)
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        ({"ball": "9"}, "no ball is named '9'; the balls are cue, 1"),
+        ({"pocket": "left"}, "no pocket is named 'left'; the pockets are x_min_y_min"),
+        ({"ball": "cue"}, "the ball to be potted must be another than 'cue'"),
+        ({"first": "cue"}, "the ball to be met first must be another than 'cue'"),
+        ({"first": "2"}, "no ball is named '2'"),
+    ],
+)
+def test_a_goal_for_what_is_not_there_is_refused(arguments: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        bs.goals.pocket(CUT, **arguments)
+
+
+def test_a_table_without_pockets_has_nothing_to_pot_into() -> None:
+    with pytest.raises(ValueError, match="has no pockets"):
+        bs.goals.pocket(bs.scenes.head_on())
+
+
+def test_the_ball_that_must_be_met_first_counts() -> None:
+    three = bs.Scene([(1.5, 0.9), (2.1, 1.0), (0.8, 0.5)], names=("cue", "1", "2"), table=TABLE, physics=POOL)
+    found = pot(three, noise=None)
+    assert bs.goals.pocket(three, "1")(found.result)[0] == 1.0
+    assert bs.goals.pocket(three, "1", first="1")(found.result)[0] == 1.0
+    assert bs.goals.pocket(three, "1", first="2")(found.result)[0] == 0.0
+    assert bs.goals.pocket(three)(found.result)[0] == 1.0
+    assert bs.goals.pocket(three, "2")(found.result)[0] == 0.0
