@@ -55,6 +55,7 @@ BY_HAND = (
     "python3 -m billiards_sim.ros.tools.picture",
     "python3 -m venv",
     "ros2 param load",
+    "ros2 run billiards_sim play",
     "rosdep install",
     "rosdoc2 build",
     "source",

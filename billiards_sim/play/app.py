@@ -7,7 +7,9 @@ import argparse
 import asyncio
 import signal
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from billiards_sim.command_line import STOPPING, Parser, Refusal, complain, run_to_end, say
 from billiards_sim.engine.scene import Scene
@@ -17,12 +19,16 @@ from billiards_sim.play.backend import Backend
 
 PORT = 8321
 
+Serve = Callable[[Backend, int], tuple[Any, int]]
+
 DESCRIPTION = """Open a table in the browser: aim with the mouse, see what would happen, shoot.
 The page is served to this machine alone, until Ctrl-C. Exit code 0: stopped; 2: bad arguments, a port that is taken."""
 
 
 def main(arguments: list[str]) -> int:
     """Serve until a signal comes; returns the exit code."""
+    if "--ros" in arguments:
+        return run_to_end("play", lambda: _play_on_a_running_table(arguments))
     return run_to_end("play", lambda: _play(_parser().parse_args(arguments)))
 
 
@@ -34,6 +40,7 @@ def _parser() -> Parser:
         nargs="?",
         help=f"a scene file, or one of {', '.join(BUILT_IN)}; default eight_ball",
     )
+    parser.add_argument("--ros", action="store_true", help="play on the running table that listens on cue_shot")
     parser.add_argument("--port", type=_port, default=PORT, metavar="N", help=f"of 127.0.0.1 ({PORT}); 0: a free one")
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     return parser
@@ -46,25 +53,41 @@ def _port(text: str) -> int:
 
 
 def _play(options: argparse.Namespace) -> int:
-    try:
-        from billiards_sim.play import server
-    except ImportError as error:
-        raise Refusal(f"play needs tornado ({error}): pip install 'billiards_sim[play]'") from None
-    backend = _backend(options)
-    try:
-        asyncio.run(_serve(server.serve, backend, options))
-    finally:
-        backend.close()
-    return 0
-
-
-def _backend(options: argparse.Namespace) -> Backend:
     from billiards_sim.play.engine_backend import EngineBackend
 
     try:
-        return EngineBackend(_scene(options.scene or "eight_ball"))
+        backend = EngineBackend(_scene(options.scene or "eight_ball"))
     except ValueError as error:
         raise Refusal(error) from None
+    _serve(backend, options)
+    return 0
+
+
+def _play_on_a_running_table(arguments: list[str]) -> int:
+    try:
+        from billiards_sim.play.ros_backend import RosBackend
+        from billiards_sim.ros.process import own_arguments, ros
+    except ImportError as error:
+        raise Refusal(
+            f"ROS 2 is not there ({error}): source your ROS installation, or pip install 'billiards_sim[ros]'"
+        ) from None
+    options = _parser().parse_args(own_arguments("play", arguments))
+    if options.scene is not None:
+        raise Refusal(f"--ros plays on the scene of the running table: leave out {options.scene!r}")
+    with ros("play", arguments):
+        _serve(RosBackend(), options)
+    return 0
+
+
+def _serve(backend: Backend, options: argparse.Namespace) -> None:
+    try:
+        from billiards_sim.play.server import serve
+    except ImportError as error:
+        raise Refusal(f"play needs tornado ({error}): pip install 'billiards_sim[play]'") from None
+    try:
+        asyncio.run(_until_stopped(serve, backend, options))
+    finally:
+        backend.close()
 
 
 def _scene(name: str) -> Scene:
@@ -80,13 +103,13 @@ def _scene(name: str) -> Scene:
         raise Refusal(f"cannot read {name!r}: {error.strerror or error}") from None
 
 
-async def _serve(serve: object, backend: Backend, options: argparse.Namespace) -> None:
+async def _until_stopped(serve: Serve, backend: Backend, options: argparse.Namespace) -> None:
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in STOPPING:
         if signal.getsignal(number) is not signal.SIG_IGN:  # by nohup
             loop.add_signal_handler(number, stopped.set)
-    server, port = serve(backend, options.port)  # type: ignore[operator]
+    server, port = serve(backend, options.port)
     address = f"http://127.0.0.1:{port}/"
     say(f"play: {address} (Ctrl-C ends it)")
     if not options.no_browser:

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_sim.command_line import one_line
-from billiards_sim.engine.aim import Aim
-from billiards_sim.engine.quantity import listed, number, numbers, shown
+from billiards_sim.engine.quantity import listed, numbers, shown
 from billiards_sim.engine.record import Run
 from billiards_sim.engine.recorder import Recorder
 from billiards_sim.engine.scene import Scene
@@ -26,6 +25,7 @@ from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.play.backend import Backend, Message
 from billiards_sim.play.effects import EFFECTS
 from billiards_sim.play.records import PHYSICS, TABLES, run_record, table_record
+from billiards_sim.play.shots import aim_of, choice, mapping
 
 MOST_WORK = 2.0
 """s of the wall clock that a shot is played. A break takes 3 ms, some 300 ms where the engine is interpreted."""
@@ -35,9 +35,6 @@ MOST_UNDONE = 100
 
 MOST_BALLS = 100
 """On a table of the page."""
-
-WORDS = ("speed", "azimuth", "side", "up", "elevation")
-"""Of a shot, as `Aim` has them."""
 
 
 class Outcome(NamedTuple):
@@ -77,11 +74,9 @@ class EngineBackend(Backend):
         return [menu, {"tell": "table", "table": self._table(), "aim": self._first_aim()}]
 
     async def answer(self, asked: Message) -> Message:
-        do = asked.get("do")
-        if not isinstance(do, str) or do not in DOES:
-            raise ValueError(f"do must be one of {', '.join(DOES)}, got {shown(do)}")
+        do = choice("do", asked.get("do"), DOES)
         try:
-            return DOES[do](self, asked) or {}
+            return do(self, asked) or {}
         except StallError as error:
             raise ValueError(f"the engine cannot go on: {one_line(error)}") from None
 
@@ -92,10 +87,10 @@ class EngineBackend(Backend):
         """There is nothing to end."""
 
     def _preview(self, asked: Message) -> Message:
-        shot = _words(asked, "shot")
+        shot = mapping(asked, "shot")
         answer = {"run": self._previewed(self._scene, shot)}
         if asked.get("without") is not None:
-            effect = _choice("without", asked["without"], EFFECTS)
+            effect = choice("without", asked["without"], EFFECTS)
             answer["without"] = self._previewed(effect.switched(self._scene, not effect.is_on(self._scene)), shot)
         return answer
 
@@ -105,11 +100,11 @@ class EngineBackend(Backend):
         return run_record(outcome.run, spins=False)
 
     def _shoot(self, asked: Message) -> None:
-        outcome = played(self._scene, _words(asked, "shot"))
+        outcome = played(self._scene, mapping(asked, "shot"))
         self._show(outcome.after, outcome.run)
 
     def _place(self, asked: Message) -> None:
-        balls = _words(asked, "balls")
+        balls = mapping(asked, "balls")
         places, in_play = self._scene.positions.copy(), self._scene.in_play.copy()
         spins = self._scene.angular_velocities.copy()
         for name, place in balls.items():
@@ -124,10 +119,10 @@ class EngineBackend(Backend):
         # Another game as it begins, or the same on another table, or with other physics.
         name, scene = self._scene.name, self._scene
         if "scene" in asked:
-            self._play_from(_choice("scene", asked["scene"], BUILT_IN)())
+            self._play_from(choice("scene", asked["scene"], BUILT_IN)())
             return
-        table = _choice("table", asked["table"], TABLES)() if "table" in asked else scene.table
-        physics = _choice("physics", asked["physics"], PHYSICS)() if "physics" in asked else scene.physics
+        table = choice("table", asked["table"], TABLES)() if "table" in asked else scene.table
+        physics = choice("physics", asked["physics"], PHYSICS)() if "physics" in asked else scene.physics
         stay = table == scene.table
         if stay:
             try:
@@ -143,7 +138,7 @@ class EngineBackend(Backend):
             self._play_from(BUILT_IN[name](table=table, physics=physics))
 
     def _effect(self, asked: Message) -> None:
-        effect, on = _choice("effect", asked.get("effect"), EFFECTS), asked.get("on")
+        effect, on = choice("effect", asked.get("effect"), EFFECTS), asked.get("on")
         if not isinstance(on, bool):
             raise ValueError(f"on must be true or false, got {shown(on)}")
         self._show(effect.switched(self._scene, on, asked.get("value")))
@@ -243,7 +238,7 @@ def played(scene: Scene, shot: Message | None) -> Outcome:
     """
     simulation = Simulation(scene)
     if shot is not None:
-        aim, ball = _aim(shot)
+        aim, ball = aim_of(shot)
         simulation.shoot(aim.speed, aim.azimuth, aim.side, aim.up, aim.elevation, ball)
     recorder = Recorder(len(scene))
     events = simulation.run(recorder=recorder, budget=MOST_WORK)
@@ -256,27 +251,3 @@ def played(scene: Scene, shot: Message | None) -> Outcome:
 def _at_rest(scene: Scene) -> Scene:
     moving = scene.velocities.any() or scene.angular_velocities.any()
     return played(scene, None).after if moving else replace(scene, shot=None)
-
-
-def _aim(shot: Message) -> tuple[Aim, str]:
-    unknown = [key for key in shot if key not in (*WORDS, "ball")]
-    if unknown:
-        raise ValueError(f"shot has no {shown(unknown[0])}; it has {', '.join(WORDS)} and ball")
-    values = {name: number(f"shot.{name}", shot.get(name, 0.0)) for name in WORDS}
-    ball = shot.get("ball", "cue")
-    if not isinstance(ball, str):
-        raise ValueError(f"shot.ball must be the name of a ball, got {shown(ball)}")
-    return Aim(**values), ball
-
-
-def _words(asked: Message, key: str) -> Message:
-    value = asked.get(key)
-    if not isinstance(value, dict):
-        raise ValueError(f"{key} must be a map of names to values, got {shown(value)}")
-    return value
-
-
-def _choice(key: str, given: Any, known: Any) -> Any:
-    if not isinstance(given, str) or given not in known:
-        raise ValueError(f"{key} must be one of {', '.join(known)}, got {shown(given)}")
-    return known[given]

@@ -123,10 +123,10 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
         if len(self._pages.all) >= MOST_PAGES:
             self.close(1013, f"{MOST_PAGES} pages are open already")
             return
-        self._pages.all.add(self)
-        self._pages.backend.attend(len(self._pages.all))
         for message in self._pages.backend.greeting():
-            await self._send(message)
+            self.tell(json.dumps(message, allow_nan=False))
+        self._pages.all.add(self)  # what is told from now on comes after the greeting
+        self._pages.backend.attend(len(self._pages.all))
 
     def on_close(self) -> None:
         if self in self._pages.all:

@@ -17,6 +17,7 @@ const $ = (selector) => document.querySelector(selector);
 const canvas = $("#table");
 const view = new View(canvas);
 const state = { first: true, table: null, menu: null, preview: null, drag: null, dropped: null, turning: null };
+state.rolling = false; // of a table that runs elsewhere
 const turns = {}; // how the balls were turned where the last run ended, by name
 
 const server = new Server(heard, (up) => {
@@ -35,8 +36,13 @@ const balls = new Balls($("#balls"), change, freePlace);
 // ---- what the server tells
 
 function heard(message) {
-  if (message.tell === "menu") state.menu = message;
+  if (message.tell === "menu") {
+    state.menu = message;
+    document.body.classList.toggle("live", message.live);
+  }
   if (message.tell === "said") say(message.error, true);
+  if (message.tell === "state") showState(message);
+  if (message.tell === "happened") $("#happened").textContent = summary(message.run);
   if (message.tell !== "table") return;
   const { table, run } = message;
   const before = state.table;
@@ -52,7 +58,7 @@ function heard(message) {
     player.load(shown);
     $("#happened").textContent = summary(shown);
     say("");
-  } else {
+  } else if (!state.menu.live) {
     player.clear();
     $("#happened").textContent = "";
     if (before) say("");
@@ -64,12 +70,29 @@ function heard(message) {
   draw();
 }
 
+// Of a table that runs elsewhere: where its balls are now.
+function showState({ balls: places, at_rest: atRest }) {
+  state.table.balls.forEach((ball, index) => {
+    const place = places[index];
+    ball.at = place && place.slice(0, 2);
+    if (place) turns[ball.name] = place.slice(2);
+  });
+  if (atRest !== !state.rolling) {
+    state.rolling = !atRest;
+    state.preview = null;
+    say("");
+    ask.preview();
+  }
+  draw();
+}
+
 // The first table: the link in the address bar may hold another.
 function open(given) {
   state.first = false;
   const link = decoded(location.hash.slice(1));
-  aimAsGiven(link?.aim ?? given);
-  if (link?.scene) change({ do: "load", text: JSON.stringify(link.scene) }).then(() => aimAsGiven(link.aim ?? given));
+  aimAsGiven(link?.aim ?? given ?? {});
+  const loaded = link?.scene && change({ do: "load", text: JSON.stringify(link.scene) });
+  if (loaded) loaded.then(() => aimAsGiven(link.aim ?? given ?? {}));
   else say("Move the mouse to aim, the wheel for speed. Space shoots; a click holds the aim.");
 }
 
@@ -131,7 +154,7 @@ const ask = {
   busy: false,
   next: false,
   async preview() {
-    if (!state.table || player.shows || !cueBall()) return;
+    if (!state.table || player.shows || state.rolling || !cueBall()) return;
     if (this.busy) {
       this.next = true;
       return;
@@ -142,7 +165,7 @@ const ask = {
     const answer = await server.ask({ do: "preview", shot: shot(), without: effects.compared });
     document.body.dataset.roundTrip = performance.now() - began;
     this.busy = false;
-    if (revision === state.table.revision && !answer.dropped) this.show(answer);
+    if (revision === state.table.revision && !answer.dropped && !state.rolling) this.show(answer);
     if (this.next || revision !== state.table.revision) {
       this.next = false;
       this.preview();
@@ -254,7 +277,7 @@ function drawNow() {
     if (at) view.ball(at, ball, turnAt(index, ball.name));
   });
   const cue = cueBall();
-  if (!cue || state.drag) return;
+  if (!cue || state.drag || state.rolling) return;
   if (shown) {
     const hit = preview.run.events.find((event) => event.kind === "ball_ball" && event.balls.includes(cue.name));
     const arcs = preview.run.arcs[preview.run.names.indexOf(cue.name)];
@@ -354,6 +377,12 @@ document.addEventListener("keydown", (event) => {
 
 $("#shoot").addEventListener("click", shoot);
 $("#undo").addEventListener("click", () => change({ do: "undo" }));
+$("#pause").addEventListener("click", async ({ target }) => {
+  const on = target.getAttribute("aria-pressed") !== "true";
+  const answer = await change({ do: "pause", on });
+  if (!answer.error) target.setAttribute("aria-pressed", on);
+});
+$("#tick").addEventListener("click", () => change({ do: "step" }));
 $("#reset").addEventListener("click", () => change({ do: "reset" }));
 for (const [selector, key] of [["#scene", "scene"], ["#preset-table", "table"], ["#preset-physics", "physics"]]) {
   $(selector).addEventListener("change", (event) => {

@@ -64,7 +64,7 @@ export class Effects {
     const toggle = element("input", { type: "checkbox", role: "switch", id: `effect-${key}` });
     const figure = element("input", { type: "number", step: "any", "aria-label": `${label}, figure ${unit}` });
     const compare = element("button", {
-      type: "button", class: "small", "aria-pressed": "false",
+      type: "button", class: "small own", "aria-pressed": "false",
       title: `Draw the shot with and without: ${label}`, "aria-label": `Compare with and without: ${label}`,
     }, "Compare");
     toggle.addEventListener("change", () => this.ask({ do: "effect", effect: key, on: toggle.checked }));

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page on a running table: what the table says is what the page is told."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("tornado")
+
+import numpy as np
+import tornado.websocket
+from conftest import Site
+
+import billiards_sim as bs
+from billiards_sim.play.effects import EFFECTS
+
+SHOT = {"speed": 3.0, "azimuth": 0.3, "side": 0.1, "up": 0.2}
+PATIENCE = 60.0
+"""s that anything may take."""
+
+
+class Page:
+    """A page that is open."""
+
+    def __init__(self, connection: Any) -> None:
+        self.connection = connection
+        self.told: list[Any] = []
+        self._next = 0
+
+    async def read(self) -> Any:
+        return json.loads(await asyncio.wait_for(self.connection.read_message(), PATIENCE))
+
+    async def ask(self, **message: Any) -> Any:
+        self._next += 1
+        await self.connection.write_message(json.dumps({"id": self._next, **message}))
+        while (heard := await self.read()).get("id") != self._next:
+            self.told.append(heard)
+        return heard
+
+    async def until(self, wanted: Callable[[Any], bool]) -> Any:
+        """What the page was told at any time, or will be."""
+        for heard in self.told:
+            if wanted(heard):
+                return heard
+        while True:
+            self.told.append(await self.read())
+            if wanted(self.told[-1]):
+                return self.told[-1]
+
+
+def talk(site: Site, about: Callable[[Page], Awaitable[None]], *parameters: str) -> None:
+    site.table("scene:=nine_ball", "real_time_factor:=10.0", *parameters)
+    play = site.process("play", "--ros", "--no-browser", "--port", "0")
+    play.wait_for("(Ctrl-C")
+    address = play.stdout.split()[1].replace("http", "ws") + "socket"
+
+    async def whole() -> None:
+        page = Page(await tornado.websocket.websocket_connect(address))
+        menu, table = await page.read(), await page.read()
+        assert (menu["tell"], menu["live"]) == ("menu", True)
+        assert table["table"]["scene"] == "nine_ball"
+        await about(page)
+        page.connection.close()
+
+    asyncio.run(whole())
+    play.signal(2)
+    assert play.wait() == 0, play.stderr
+
+
+def played(shot: dict[str, float]) -> tuple[bs.Simulation, list[bs.Event]]:
+    simulation = bs.Simulation(bs.scenes.nine_ball())
+    simulation.shoot(**shot)
+    return simulation, list(simulation.run())
+
+
+def test_a_preview_and_its_shot_are_those_of_the_engine(site: Site) -> None:
+    simulation, events = played(SHOT)
+    wanted = [at if there else None for at, there in zip(simulation.positions.tolist(), simulation.in_play)]
+
+    async def about(page: Page) -> None:
+        centre = bs.scenes.nine_ball().table.centre
+        run = (await page.ask(do="preview", shot=SHOT))["run"]
+        assert [event["kind"] for event in run["events"]] == [event.kind for event in events]
+        for arcs, at in zip(run["arcs"], simulation.positions):
+            t, x, y = arcs[-1][:3]
+            assert t <= run["end"]
+            assert [x + centre[0], y + centre[1]] == pytest.approx(at.tolist(), abs=1e-12)
+        assert "error" not in await page.ask(do="shoot", shot=SHOT)
+        moving = await page.until(lambda heard: heard.get("tell") == "state" and not heard["at_rest"])
+        assert len(moving["balls"]) == 10
+        kinds = [event.kind for event in events]
+        await page.until(
+            lambda heard: heard.get("tell") == "happened" and [one["kind"] for one in heard["run"]["events"]] == kinds
+        )
+
+        def ended(heard: Any) -> bool:  # a state that comes between two that are told is told with the next
+            if heard.get("tell") != "table":
+                return False
+            places = [ball["at"] for ball in heard["table"]["balls"]]
+            there = [at for at in places if at], [at for at in wanted if at]
+            same_balls = [at is None for at in places] == [at is None for at in wanted]
+            return same_balls and np.allclose(*there, rtol=0.0, atol=1e-12)
+
+        await page.until(ended)
+
+    talk(site, about)
+
+
+def test_balls_are_placed_and_refused_by_the_table_and_reset(site: Site) -> None:
+    start = bs.scenes.nine_ball().positions.tolist()
+
+    async def about(page: Page) -> None:
+        def there(index: int, wanted: Any) -> Callable[[Any], bool]:
+            return lambda heard: (
+                heard.get("tell") == "state" and (heard["balls"][index] or [None] * 2)[:2] == (wanted or [None] * 2)
+            )
+
+        assert "error" not in await page.ask(do="place", balls={"3": [0.5, 0.5], "4": None})
+        state = await page.until(there(3, [0.5, 0.5]))
+        assert state["balls"][4] is None
+        refused = await page.ask(do="place", balls={"cue": [0.51, 0.5]})
+        assert "overlap" in refused["error"]
+        page.told.clear()
+        assert "error" not in await page.ask(do="reset")
+        await page.until(there(3, start[3]))
+
+    talk(site, about)
+
+
+def test_an_effect_is_a_parameter_of_the_table(site: Site) -> None:
+    async def about(page: Page) -> None:
+        assert "error" not in await page.ask(do="effect", effect="elastic", on=False)
+        await page.until(
+            lambda heard: (
+                heard.get("tell") == "table" and not heard["table"]["effects"][list(EFFECTS).index("elastic")]["on"]
+            )
+        )
+        assert "fixed while the node runs" in (await page.ask(do="effect", effect="nose_height", on=False))["error"]
+        assert "error" not in await page.ask(do="set", scene="eight_ball")
+        await page.until(lambda heard: heard.get("tell") == "table" and len(heard["table"]["balls"]) == 16)
+
+    talk(site, about)
+
+
+def test_a_page_that_pauses_the_table_goes_on_tick_by_tick(site: Site) -> None:
+    async def about(page: Page) -> None:
+        assert "error" in await page.ask(do="step")
+        assert "error" not in await page.ask(do="pause", on=True)
+        assert "error" not in await page.ask(do="shoot", shot=SHOT)
+        assert "error" not in await page.ask(do="step")
+        assert "error" not in await page.ask(do="step")
+        await page.until(lambda heard: heard.get("tell") == "state" and not heard["at_rest"])
+        assert "must rest" in (await page.ask(do="shoot", shot=SHOT))["error"]
+        assert "error" not in await page.ask(do="pause", on=False)
+        await page.until(lambda heard: heard.get("tell") == "happened")
+
+    talk(site, about)
+
+
+def test_without_a_table_it_ends_with_one_line(site: Site) -> None:
+    play = site.process("play", "--ros", "--no-browser", "--port", "0")
+    assert play.wait() == 1
+    assert play.stderr == "play: no table listens on cue_shot within 10 s\n"
