@@ -128,6 +128,21 @@ def test_the_python_of_a_document_runs_from_top_to_bottom(document: Path, tmp_pa
     assert "ball_ball" in done.stdout
 
 
+def test_the_rollouts_that_are_shown_run(tmp_path: Path) -> None:
+    code = [block for block in blocks(REPOSITORY / "docs" / "rollouts.md", "python") if "rollout(" in block]
+    script = tmp_path / "cluster.py"
+    script.write_text(next(block for block in code if "Cluster" in block), encoding="utf-8")
+    local = [block for block in code if "Cluster" not in block and "gymnasium" not in block]
+    done = run("-c", "\n".join(local), directory=tmp_path)
+    assert done.returncode == 0, done.stderr
+    pytest.importorskip("distributed")
+    pytest.importorskip("tqdm")
+    done = run(str(script), directory=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert 0.0 <= float(done.stdout.rpartition(":")[2]) < 1.0
+    assert "2000/2000" in done.stderr
+
+
 def run(*arguments: str, directory: Path) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
     return subprocess.run(
