@@ -9,7 +9,7 @@ from functools import cache
 from billiards_sim.engine.physics import Physics
 
 CONTACT_STEPS = 36.0
-"""Steps in the duration of a contact: energy is then kept to 2e-6, velocities to 6e-5 m/s in a rack at 8 m/s."""
+"""Steps in the duration of a contact: energy is then kept to 5e-6, velocities to 2e-5 m/s in a rack at 8 m/s."""
 
 LEAST_FITTED = 0.1
 """Restitution below which the fits of a lone pair's turn are those of this one."""
