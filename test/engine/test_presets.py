@@ -124,7 +124,7 @@ def test_a_spin_ends_where_a_motion_would_not() -> None:
     assert list(simulation.run()) == []
     assert simulation.time == pytest.approx(20.0 / scene.physics.spin_deceleration, rel=1e-14)
     simulation.shoot(1.0, 0.0)
-    with pytest.raises(ValueError, match="rolling_friction 0: give run"):
+    with pytest.raises(ValueError, match="rolling_friction 0: give a time"):
         simulation.run()
 
 
