@@ -62,6 +62,8 @@ setup(
             *PLOT,
             *PLAY,
             *GYM,
+            "nbclient",
+            "ipykernel",
             "playwright",  # drives Debian's Chromium, where that is installed
             "pytest",
             "pytest-xdist",
