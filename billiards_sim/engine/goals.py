@@ -79,6 +79,8 @@ def pocket(
     for role, name in (("potted", ball), ("met first", first)):
         if name == struck:
             raise ValueError(f"the ball to be {role} must be another than {shown(struck)}, which is struck")
+    if ball is None and np.count_nonzero(scene.in_play) < 2:
+        raise ValueError(f"there is no ball to pot but {shown(struck)}, which is struck")
     known = [mouth.name for mouth in scene.table.mouths]
     if not known:
         raise ValueError("the table of the scene has no pockets")

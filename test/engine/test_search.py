@@ -186,6 +186,12 @@ def test_a_table_without_pockets_has_nothing_to_pot_into() -> None:
         bs.goals.pocket(bs.scenes.head_on())
 
 
+def test_the_struck_ball_alone_has_nothing_to_pot() -> None:
+    gone = bs.Scene([(1.0, 0.5), (1.5, 0.8)], table=TABLE, in_play=[True, False])
+    with pytest.raises(ValueError, match="there is no ball to pot but 'cue', which is struck"):
+        bs.goals.pocket(gone)
+
+
 def test_the_ball_that_must_be_met_first_counts() -> None:
     three = bs.Scene([(1.5, 0.9), (2.1, 1.0), (0.8, 0.5)], names=("cue", "1", "2"), table=TABLE, physics=POOL)
     found = pot(three, noise=None)
