@@ -15,7 +15,6 @@ ROS = [
     "ros-jazzy-std-srvs",
     "ros-jazzy-rosgraph-msgs",
     "pyyaml",
-    "mcap",  # for bags; where ROS is installed, this alone
 ]
 FAST = ["numba"]
 PLAY = ["tornado", "pyyaml"]
@@ -62,8 +61,6 @@ setup(
             *PLOT,
             *PLAY,
             *GYM,
-            "nbclient",
-            "ipykernel",
             "playwright",  # drives Debian's Chromium, where that is installed
             "pytest",
             "pytest-xdist",
@@ -89,6 +86,7 @@ setup(
             "shoot = billiards_sim.__main__:shoot",
             "demo = billiards_sim.__main__:demo",
             "simulate = billiards_sim.__main__:simulate",
+            "plan = billiards_sim.__main__:plan",
             "play = billiards_sim.__main__:play",
             "benchmark = billiards_sim.__main__:benchmark",
         ],

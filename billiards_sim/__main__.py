@@ -27,6 +27,7 @@ EXECUTABLES = {
     "shoot": Executable("billiards_sim.ros.tools.shoot", "send the table a cue shot, print its verdict", True),
     "demo": Executable("billiards_sim.ros.tools.demo", "break a rack over ROS 2 and print it", True),
     "simulate": Executable("billiards_sim.study.simulate", "run a scene without ROS: numbers, pictures, movies"),
+    "plan": Executable("billiards_sim.study.plan", "the best shots for a scene or a running table"),
     "play": Executable("billiards_sim.play.app", "a table in the browser: aim, preview, shoot", stopped=0),
     "benchmark": Executable("billiards_sim.study.benchmark", "measure speed against error"),
 }
@@ -65,6 +66,10 @@ def demo() -> int:
 
 def simulate() -> int:
     return run("simulate", sys.argv[1:])
+
+
+def plan() -> int:
+    return run("plan", sys.argv[1:])
 
 
 def play() -> int:

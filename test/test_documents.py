@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import runpy
@@ -13,15 +14,20 @@ from pathlib import Path
 import pytest
 from documents import DOCUMENTS, REPOSITORY, blocks, command_lines, complete
 
+import billiards_sim as bs
+from billiards_sim.engine.scene_file import load_scene
+
 README = REPOSITORY / "README.md"
 
 RUN = (
+    "ros2 run billiards_sim plan",
     "ros2 run billiards_sim shoot",
     "ros2 run billiards_sim simulate",
     "ros2 run billiards_sim table",
     "ros2 param set",
     "ros2 service call",
     "ros2 topic pub",
+    "python3 -m billiards_sim plan",
     "python3 -m billiards_sim simulate",
     "python3 docs/learn.py",
     "python3 -m billiards_sim table",
@@ -107,7 +113,7 @@ def simulations() -> list[tuple[str, ...]]:
 
 @pytest.mark.parametrize("arguments", simulations(), ids=title)
 def test_simulate_does_what_is_printed(tmp_path: Path, arguments: tuple[str, ...]) -> None:
-    for module in ("matplotlib", "PIL", "tqdm", "imageio_ffmpeg", "yaml", "rclpy", "mcap"):
+    for module in ("matplotlib", "PIL", "tqdm", "imageio_ffmpeg", "yaml"):
         pytest.importorskip(module)
     (scene,) = blocks(REPOSITORY / "docs" / "engine.md", "yaml")
     (tmp_path / "my_scene.yaml").write_text(scene, encoding="utf-8")
@@ -117,8 +123,41 @@ def test_simulate_does_what_is_printed(tmp_path: Path, arguments: tuple[str, ...
     for option, value in zip(arguments, arguments[1:]):
         if option in ("--plot", "--movie", "--json", "--csv"):
             assert (tmp_path / value).stat().st_size > 100
-        if option == "--bag":
-            assert (tmp_path / value / "metadata.yaml").stat().st_size > 100
+
+
+PLAN = complete(command_lines("python3", "-m", "billiards_sim", "plan"))
+
+
+@pytest.mark.parametrize("words", PLAN, ids=title)
+def test_plan_does_what_is_printed(tmp_path: Path, words: tuple[str, ...]) -> None:
+    for module in ("matplotlib", "yaml"):
+        pytest.importorskip(module)
+    document = REPOSITORY / "docs" / "rollouts.md"
+    (scene,) = blocks(document, "yaml")
+    (tmp_path / "end_game.yaml").write_text(scene, encoding="utf-8")
+    done = run("-m", "billiards_sim", *words[3:], directory=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (shown,) = blocks(document, "text")
+    assert done.stdout.splitlines()[1:3] == shown.splitlines()[:2] or "--ball" not in words
+    for option, value in zip(words, words[1:]):
+        if option in ("--plot", "--yaml"):
+            assert (tmp_path / value).stat().st_size > 100
+
+
+def test_the_plan_that_is_shown_is_worth_what_it_says(tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    document = REPOSITORY / "docs" / "rollouts.md"
+    (scene,) = blocks(document, "yaml")
+    (tmp_path / "end_game.yaml").write_text(scene, encoding="utf-8")
+    where = load_scene(tmp_path / "end_game.yaml")
+    (shown,) = blocks(document, "text")
+    rows = [line.split() for line in shown.splitlines()[2:]]
+    assert len(rows) > 1
+    for _, ball, _, _, speed, azimuth, side, up, _, success, _, error, *_ in rows:
+        shot = bs.Shots([float(speed)], math.radians(float(azimuth)), float(side), float(up))
+        noisy = bs.rollout(where, shot, noise=bs.ShooterNoise.tournament(), samples=400, seed=11)
+        falls = 100.0 * bs.goals.pocket(where, ball)(noisy).mean()
+        assert falls == pytest.approx(float(success), abs=4.0 * math.sqrt(2.0) * float(error))
 
 
 @pytest.mark.parametrize("document", [README, REPOSITORY / "docs" / "engine.md"], ids=lambda path: path.name)

@@ -20,7 +20,6 @@ EXTRAS = (
     "matplotlib",
     "mpmath",
     "mujoco",
-    "nbclient",
     "numba",
     "PIL",
     "playwright",

@@ -61,3 +61,23 @@ def checked(force: Sequence[float], offset: Sequence[float], physics: Physics) -
     if not speed <= SPEED_LIMIT:
         raise ValueError(f"force must give the ball a speed <= {SPEED_LIMIT:g} m/s; {size:.9g} N gives {speed:.9g} m/s")
     return Blow(fx, fy, fz, along, side, up)
+
+
+def torque(force: Sequence[float], offset: Sequence[float]) -> tuple[float, float, float]:
+    """Of a shot about the centre of the ball, N m: r x F in the frame `table`, r from the centre to where the tip hits.
+
+    In the shot's own frame (x' along the force, y' to its left, z' up) r = (-behind, side, up) and F = (f, 0, 0), so
+    that r x F = (0, up f, -side f). Where the butt is raised by theta, x' points down by it and z' leans forward: with
+    d the direction of the force along the table, x' = cos theta d - sin theta z and z' = sin theta d + cos theta z.
+
+    Args:
+        force: (x, y, z) N.
+        offset: (side, up) m from the centre of the ball, seen along the force and across it.
+    """
+    side, up = offset
+    fx, fy, fz = force
+    level = math.hypot(fx, fy)
+    if fz == 0.0 or level == 0.0:
+        return -fy * up, fx * up, -side * level
+    steeper = math.hypot(level, fz) / level
+    return -fy * up * steeper + side * fz * fx / level, fx * up * steeper + side * fz * fy / level, -side * level

@@ -176,6 +176,18 @@ def read_settings(given: Mapping[str, Any], loaded: Scene | None = None) -> Sett
     return Settings(scene, scene_name, **own, given=dict(given), loaded=start)
 
 
+def read_groups(given: Mapping[str, Any]) -> dict[str, Any]:
+    """What the parameters of all groups, by name, describe: `Physics` as "physics", `Table` as "table".
+
+    Raises:
+        ValueError: one is missing, of the wrong type or out of bounds. The text names the parameter.
+    """
+    missing = [name for name in GROUP_QUANTITIES if given.get(name) is None]
+    if missing:
+        raise ValueError(f"there is no parameter {missing[0]!r}")
+    return {group: _group(group, given, owner()) for group, owner in GROUPS.items()}
+
+
 def change_settings(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """Settings with some parameters changed, all of them or none.
 

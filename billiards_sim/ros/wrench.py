@@ -1,11 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cue shot as a wrench about the ball's centre, and back.
-
-With the contact point r = (-behind, side, up) and the force F = (f, 0, 0) in the shot's own frame (x' along the force,
-y' to its left, z' up), the torque r x F is (0, up f, -side f). Where the butt is raised by theta, x' points down by it
-and z' leans forward: with d the direction of the force along the table, x' = cos theta d - sin theta z and
-z' = sin theta d + cos theta z.
-"""
+"""A cue shot as a wrench about the ball's centre, and back: see `engine.cue.torque`."""
 
 from __future__ import annotations
 
@@ -14,6 +8,7 @@ from collections.abc import Sequence
 
 from geometry_msgs.msg import WrenchStamped
 
+from billiards_sim.engine.cue import torque
 from billiards_sim.engine.scene import Shot
 
 TORQUE_TOLERANCE = 1e-5
@@ -81,17 +76,8 @@ def wrench_from_shot(force: Sequence[float], offset: Sequence[float]) -> WrenchS
         force: (x, y, z) N.
         offset: (side, up) m from the ball's centre, seen along the force and across it.
     """
-    side, up = offset
-    fx, fy, fz = (float(value) for value in force)
-    level = math.hypot(fx, fy)
     message = WrenchStamped()
     wrench = message.wrench
-    wrench.force.x, wrench.force.y, wrench.force.z = fx, fy, fz
-    wrench.torque.x = float(-fy * up)
-    wrench.torque.y = float(fx * up)
-    wrench.torque.z = float(-side * level)
-    if fz != 0.0 and level > 0.0:
-        steeper = math.hypot(level, fz) / level
-        wrench.torque.x = float(-fy * up * steeper + side * fz * fx / level)
-        wrench.torque.y = float(fx * up * steeper + side * fz * fy / level)
+    wrench.force.x, wrench.force.y, wrench.force.z = map(float, force)
+    wrench.torque.x, wrench.torque.y, wrench.torque.z = torque(*(tuple(map(float, part)) for part in (force, offset)))
     return message

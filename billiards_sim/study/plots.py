@@ -59,11 +59,11 @@ def draw_run(recording: Recording, path: Path, title: str = "") -> None:
         OSError: the file cannot be written.
     """
     scene = recording.scene
-    figure = Figure(figsize=_size(scene.table), layout="constrained")
+    figure = Figure(figsize=picture_size(scene.table), layout="constrained")
     axes = figure.subplots()
     draw_table(axes, scene.table)
     fallen = falls(scene, recording.events)
-    _draw_paths(axes, recording, fallen)
+    draw_paths(axes, recording, fallen)
     _draw_contacts(axes, recording.events)
     for index in np.flatnonzero(scene.in_play).tolist():
         position = fallen[index].place if index in fallen else recording.end.positions[index]
@@ -123,7 +123,8 @@ def _draw_name(axes: Axes, x: float, y: float, radius: float, name: str) -> None
     axes.add_patch(PathPatch(text.transformed(place), facecolor="black", linewidth=0.0, zorder=8))
 
 
-def _draw_paths(axes: Axes, recording: Recording, fallen: Mapping[int, Fall]) -> None:
+def draw_paths(axes: Axes, recording: Recording, fallen: Mapping[int, Fall]) -> None:
+    """The paths of all balls, those that fall as far as their pocket, and pale balls where they began."""
     radius = recording.scene.physics.radius
     for index, name in compress(enumerate(recording.scene.names), recording.scene.in_play):
         style = (0, (4.0, 1.0)) if is_striped(name) else "solid"
@@ -157,7 +158,8 @@ def _legend() -> list[Line2D]:
     return [start, end, *(_contact_marks(kind, ()) for kind in CONTACTS)]
 
 
-def _size(table: Table) -> tuple[float, float]:
+def picture_size(table: Table) -> tuple[float, float]:
+    """Of a picture of a table, in."""
     outer = (table.length + 2.0 * table.rail_thickness, table.width + 2.0 * table.rail_thickness)
     height = (WIDTH - MARGINS[0]) * outer[1] / outer[0] + MARGINS[1]
     return WIDTH, min(max(height, HEIGHTS[0]), HEIGHTS[1])

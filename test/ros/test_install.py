@@ -73,7 +73,7 @@ def test_the_page_is_installed(prefix: Path) -> None:
 
 
 def test_every_executable_is_where_ros2_run_looks(prefix: Path) -> None:
-    for name in ("table", "shoot", "demo", "simulate", "play", "benchmark"):
+    for name in ("table", "shoot", "demo", "simulate", "plan", "play", "benchmark"):
         assert os.access(prefix / "lib" / "billiards_sim" / name, os.X_OK)
 
 

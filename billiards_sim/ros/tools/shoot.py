@@ -13,8 +13,10 @@ from typing import Any
 from geometry_msgs.msg import WrenchStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 
 from billiards_sim.command_line import FAILED, Failure, Parser, positive_seconds, run_to_end, say
@@ -22,7 +24,6 @@ from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros.process import own_arguments, ros, stoppable
-from billiards_sim.ros.qos import SHOT_DEPTH
 from billiards_sim.ros.tools.commentary import Commentary
 from billiards_sim.ros.wrench import CUE_BALL, wrench_from_shot
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
@@ -47,10 +48,11 @@ class Shooter(Node):
 
     Args:
         timeout: longest wait for the table, its parameters and its answer together, s.
+        name: of the node, and of who speaks.
     """
 
-    def __init__(self, timeout: float) -> None:
-        super().__init__("shoot")
+    def __init__(self, timeout: float, name: str = "shoot") -> None:
+        super().__init__(name)
         self._timeout = timeout
         self._deadline = time.monotonic() + timeout
         self._answer: dict[str, Any] | None = None
@@ -67,10 +69,10 @@ class Shooter(Node):
         self.create_subscription(String, "collisions", self._on_collisions, 100)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
-        self._shots = self.create_publisher(WrenchStamped, "cue_shot", SHOT_DEPTH)
-        self._previews = self.create_publisher(WrenchStamped, "cue_shot/preview", SHOT_DEPTH)
+        self._shots = self.create_publisher(WrenchStamped, "cue_shot", 10)
+        self._previews = self.create_publisher(WrenchStamped, "cue_shot/preview", 10)
 
-    def parameters(self, *names: str) -> list[float]:
+    def parameters(self, *names: str) -> list[Any]:
         """Values of the table's parameters.
 
         Raises:
@@ -89,7 +91,25 @@ class Shooter(Node):
         values = future.result().values
         if len(values) != len(names):
             raise NoAnswer(f"node {tables[0]} has no parameters {', '.join(names)}: it is not a billiards table")
-        return [float(value.double_value) for value in values]
+        return [parameter_value_to_python(value) for value in values]
+
+    def states(self) -> MultiDOFJointState:
+        """Where the balls are from now on, by the first message of `balls/states` that comes.
+
+        Raises:
+            NoAnswer: none came in time.
+        """
+        heard: list[MultiDOFJointState] = []
+        subscription = self.create_subscription(MultiDOFJointState, "balls/states", heard.append, 1)
+        try:
+            self._spin_until(lambda: heard, f"nothing came on {subscription.topic_name}")
+        finally:
+            self.destroy_subscription(subscription)
+        return heard[-1]
+
+    def begin_anew(self) -> None:
+        """Have the timeout count from here: time went by that was not the table's."""
+        self._deadline = time.monotonic() + self._timeout
 
     def wait_for_rest(self, longest: float) -> None:
         """Wait until every ball rests, s at most; that time does not count for the timeout.
@@ -100,7 +120,7 @@ class Shooter(Node):
         self._wait_for_table(self._shots)
         if self._at_rest:
             return
-        say(f"shoot: balls move; waiting up to {longest:g} s for all to rest")
+        say(f"{self.get_name()}: balls move; waiting up to {longest:g} s for all to rest")
         began = time.monotonic()
         self._spin(lambda: self._at_rest, began + longest, f"balls still moved after {longest:g} s")
         self._deadline += time.monotonic() - began
