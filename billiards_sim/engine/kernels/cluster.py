@@ -18,7 +18,7 @@ from .impact import normal_between
 from .kernel import kernel
 from .law.cushion import rub_at_cushion, slip_at_cushion, tilts_or_rubs
 from .law.throw import friction_at, rub_pair, rubs, slip_of_pair
-from .shock import advance_to
+from .shock.phase import advance_to
 from .state import Ball, Constants, Impact, State
 
 CLOSING_ROUNDING = 1e-14

@@ -31,7 +31,8 @@ from .motion import begin_motion, end_phase, mark, phase_of
 from .pocket import first_due, pocket
 from .press import update_contacts
 from .schedule import await_step, enter_all, predict_pairs
-from .shock import advance_to, begin_touch, presses_for_a_while, take_step, takes_time
+from .shock.phase import advance_to, begin_touch, take_step
+from .shock.touch import presses_for_a_while, takes_time
 from .state import AT_REST, INF, MOUTH, NOBODY, RAILS, RESTED, ROLLED, ROLLING, SLIDING, Constants, State
 
 DONE = 0

@@ -11,7 +11,8 @@ from .kernel import kernel
 from .log import log_event
 from .motion import mark, unmark
 from .schedule import reschedule
-from .shock import advance_to, forget_touches
+from .shock.phase import advance_to
+from .shock.touch import forget_touches
 from .state import AT_REST, INF, MOUTH, NOBODY, OFF_TABLE, POCKETED, Ball, Constants, State
 
 

@@ -19,7 +19,7 @@ from .kernel import kernel
 from .law.squirt import squirt
 from .log import log_event
 from .motion import place_at
-from .shock import advance_to
+from .shock.phase import advance_to
 from .state import AT_REST, NOBODY, OFF_TABLE, ROLLING, SHOT, SLIDING, State
 
 
