@@ -39,12 +39,12 @@ def test_no_event_of_a_break_is_missed_and_each_state_is_whole(site: Site, watch
         watcher.look()
         steps += 1
         assert steps < 200
-    watcher.look()
 
     simulation = bs.Simulation(bs.scenes.rack())
     simulation.advance(time)
     simulation.strike(FORCE, OFFSET)
     events = simulation.run()
+    watcher.look_until(lambda: len(watcher.events) >= len(events))
     assert [(event["kind"], event["balls"]) for event in watcher.events] == [(e.kind, list(e.balls)) for e in events]
     assert watcher.sequence == list(range(1, 1 + len(watcher.collisions)))
     assert max(len(message["events"]) for message in watcher.collisions) > DEPTH  # of one tick
