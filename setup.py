@@ -15,6 +15,7 @@ ROS = [
     "ros-jazzy-std-srvs",
     "ros-jazzy-rosgraph-msgs",
     "pyyaml",
+    "mcap",  # for bags; where ROS is installed, this alone
 ]
 FAST = ["numba"]
 PLAY = ["tornado", "pyyaml"]
@@ -61,6 +62,8 @@ setup(
             *PLOT,
             *PLAY,
             *GYM,
+            "nbclient",
+            "ipykernel",
             "playwright",  # drives Debian's Chromium, where that is installed
             "pytest",
             "pytest-xdist",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files are written whole or not at all."""
+"""Files and directories are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -36,3 +36,27 @@ def written(path: str | Path) -> Iterator[Path]:
         beside.replace(final)
     finally:
         beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def written_directory(path: str | Path) -> Iterator[Path]:
+    """Write a directory beside its place, and put it there when the block ends.
+
+    Yields the directory to write in, a new one. Where the block fails or is interrupted, nothing is left of it. At
+    `path` there may be an empty directory, and nothing else.
+
+    Raises:
+        OSError: it cannot be written, or something is at `path`; the one that names `path`, if it is known before the
+            block.
+    """
+    final = Path(os.path.realpath(path))
+    beside = final.with_name(f".{final.name[:100]}.{os.getpid()}")
+    try:
+        beside.mkdir()
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(path)) from None
+    try:
+        yield beside
+        beside.replace(final)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)

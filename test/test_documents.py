@@ -113,7 +113,7 @@ def simulations() -> list[tuple[str, ...]]:
 
 @pytest.mark.parametrize("arguments", simulations(), ids=title)
 def test_simulate_does_what_is_printed(tmp_path: Path, arguments: tuple[str, ...]) -> None:
-    for module in ("matplotlib", "PIL", "tqdm", "imageio_ffmpeg", "yaml"):
+    for module in ("matplotlib", "PIL", "tqdm", "imageio_ffmpeg", "yaml", "rclpy", "mcap"):
         pytest.importorskip(module)
     (scene,) = blocks(REPOSITORY / "docs" / "engine.md", "yaml")
     (tmp_path / "my_scene.yaml").write_text(scene, encoding="utf-8")
@@ -123,6 +123,8 @@ def test_simulate_does_what_is_printed(tmp_path: Path, arguments: tuple[str, ...
     for option, value in zip(arguments, arguments[1:]):
         if option in ("--plot", "--movie", "--json", "--csv"):
             assert (tmp_path / value).stat().st_size > 100
+        if option == "--bag":
+            assert (tmp_path / value / "metadata.yaml").stat().st_size > 100
 
 
 PLAN = complete(command_lines("python3", "-m", "billiards_sim", "plan"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files are written whole or not at all."""
+"""Files and directories are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from billiards_sim.files import written
+from billiards_sim.files import written, written_directory
 
 
 def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
@@ -68,5 +68,51 @@ def test_a_device_is_written_to(tmp_path: Path) -> None:
 def test_a_place_that_is_not_there_is_named(tmp_path: Path) -> None:
     path = tmp_path / "nowhere" / "a.json"
     with pytest.raises(FileNotFoundError) as refusal, written(path):
+        pytest.fail("began to write")
+    assert refusal.value.filename == str(path)
+
+
+def test_a_directory_appears_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "bag"
+    with written_directory(path) as beside:
+        assert beside.parent == tmp_path
+        (beside / "file").write_bytes(b"whole")
+        assert not path.exists()
+    assert os.listdir(tmp_path) == ["bag"]
+    assert (path / "file").read_bytes() == b"whole"
+
+
+@pytest.mark.parametrize("there", [False, True])
+@pytest.mark.parametrize("reason", [OSError(28, "full"), KeyboardInterrupt()])
+def test_of_a_directory_that_fails_or_is_interrupted_nothing_is_left(
+    tmp_path: Path, there: bool, reason: BaseException
+) -> None:
+    path = tmp_path / "bag"
+    if there:
+        path.mkdir()
+    with pytest.raises(type(reason)), written_directory(path) as beside:
+        (beside / "file").write_bytes(b"half")
+        raise reason
+    assert os.listdir(tmp_path) == (["bag"] if there else [])
+    if there:
+        assert os.listdir(path) == []
+
+
+def test_a_directory_takes_the_place_of_an_empty_one_alone(tmp_path: Path) -> None:
+    for name in ("empty", "full"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "full" / "mine").touch()
+    with written_directory(tmp_path / "empty") as beside:
+        (beside / "file").touch()
+    assert os.listdir(tmp_path / "empty") == ["file"]
+    with pytest.raises(OSError), written_directory(tmp_path / "full") as beside:
+        (beside / "file").touch()
+    assert os.listdir(tmp_path / "full") == ["mine"]
+    assert sorted(os.listdir(tmp_path)) == ["empty", "full"]
+
+
+def test_a_place_for_a_directory_that_is_not_there_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "nowhere" / "bag"
+    with pytest.raises(FileNotFoundError) as refusal, written_directory(path):
         pytest.fail("began to write")
     assert refusal.value.filename == str(path)

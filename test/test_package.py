@@ -20,6 +20,7 @@ EXTRAS = (
     "matplotlib",
     "mpmath",
     "mujoco",
+    "nbclient",
     "numba",
     "PIL",
     "playwright",

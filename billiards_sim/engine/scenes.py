@@ -21,8 +21,9 @@ CAROM_TABLE = Table.carom_10ft()
 CAROM_PHYSICS = Physics.carom()
 
 EIGHT_BALL_BREAK = TEN_BALL_BREAK = Aim(8.5, math.radians(1.2))
-NINE_BALL_BREAK = Aim(9.5, math.radians(0.95))
-"""19 and 21 mph. The shots that the scenes of games bring; where they point is chosen so that a ball falls."""
+NINE_BALL_BREAK = Aim(10.75, math.radians(0.764))
+"""19 and 24 mph. The shots that the scenes of games bring; where they point is chosen so that a ball falls, and in
+nine-ball another one rattles in a corner and stays out."""
 
 RACK_GAP = 1e-4
 """m. Default distance between neighbours in a rack: what a well set wooden triangle leaves."""

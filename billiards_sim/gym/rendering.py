@@ -77,8 +77,9 @@ class Window(Pictures):
         painter = Painter(scene, LONGEST, falls(scene, run.events))
         began = time.monotonic()
         for pose in run.poses(ticks(run.start.time, run.end.time, self._interval)):
-            frame = painter.frame(pose._replace(time=at + pose.time))
-            self._show(frame, max(began + pose.time - time.monotonic(), 1e-3))
+            wait = began + pose.time - time.monotonic()
+            if wait > -self._interval or pose.time == run.end.time:  # else too late to be shown
+                self._show(painter.frame(pose._replace(time=at + pose.time)), max(wait, 1e-3))
 
     def close(self) -> None:
         self._pyplot.close(self._figure)

@@ -24,6 +24,9 @@ KEPT = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.
 ANSWER_DEPTH = 10_000
 """Answers kept for a subscriber that falls behind: those of 5 s of 2000 requests a second."""
 
+SHOT_DEPTH = 10
+"""Of who asks for shots."""
+
 STATE_DEPTH = 10
 """Ticks kept for one."""
 

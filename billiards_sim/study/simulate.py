@@ -20,7 +20,7 @@ from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.scene_file import load_scene
 from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.simulation import StallError
-from billiards_sim.files import written
+from billiards_sim.files import written, written_directory
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
 from billiards_sim.study.recording import ExactRecording, Recording, TooMany, record, ticks
 from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, SchemeError
@@ -80,6 +80,8 @@ def _parser() -> Parser:
         "--movie", type=Path, metavar="F.mp4", help=f"film it, 30 frames a second ({', '.join(MOVIES)})"
     )
     parser.add_argument("--html", type=Path, metavar="F.html", help="write a page that plays it, in one file")
+    parser.add_argument("--bag", type=Path, metavar="DIR", help="write what the ROS 2 node would publish, as a bag")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="ticks a second of --bag; default: the node's, 100")
     add_shot_options(parser)
     return parser
 
@@ -89,12 +91,12 @@ def _simulate(options: argparse.Namespace) -> int:
     scene = _scene(options)
     recording = _record(scene, options)
     _print_summary(recording, options)
-    for option, write in WRITERS.items():
+    for option, (opened, write) in WRITERS.items():
         path = getattr(options, option)
         if path is not None:
             try:
-                with written(path) as file:
-                    write(recording, file, options)
+                with opened(path) as place:
+                    write(recording, place, options)
             except OSError as error:
                 raise Refusal(f"--{option}: cannot write {str(path)!r}: {_reason(error)}") from None
             except TooMany as error:
@@ -108,6 +110,8 @@ def _check_outputs(options: argparse.Namespace) -> None:
     paths = {name: getattr(options, name) for name in WRITERS if getattr(options, name)}
     for index, (option, path) in enumerate(paths.items()):
         try:
+            if option == "bag" and path.exists():
+                raise Refusal(f"--bag: {str(path)!r} exists already")
             if path.is_dir():
                 raise Refusal(f"--{option}: {str(path)!r} is a directory")
             if not path.parent.is_dir():
@@ -128,14 +132,37 @@ def _check_outputs(options: argparse.Namespace) -> None:
         _check_installed("--movie", MOVIES[ending])
         if ending == ".mp4":
             _check_ffmpeg()
+    if options.bag is not None:
+        _check_bag(options)
     if options.until is not None:
         _check_length(options)
+
+
+def _check_bag(options: argparse.Namespace) -> None:
+    if options.solver != "event":
+        raise Refusal(f"--bag: the node does not play by --solver {options.solver}, only by event")
+    try:
+        from billiards_sim.ros.bag import RATE
+    except ImportError as error:
+        if (error.name or "").startswith("billiards_sim"):
+            raise
+        raise Refusal(
+            f"--bag needs the ROS 2 messages and mcap ({error}): pip install 'billiards_sim[ros]'; "
+            "where ROS 2 is installed, source it, and pip install mcap"
+        ) from None
+    default, declared = RATE
+    if options.rate is None:
+        options.rate = default
+    if not declared.contains(options.rate):
+        raise Refusal(f"--rate must be a number {declared.bounds()} ({declared.unit}), got {options.rate:g}")
 
 
 def _check_length(options: argparse.Namespace) -> None:
     try:
         if options.csv is not None and options.solver == "event":
             ticks(0.0, options.until, options.sample)
+        if options.bag is not None:
+            ticks(0.0, options.until, 1.0 / options.rate)
         if options.movie is not None:
             from billiards_sim.study.movie import frame_times
 
@@ -265,8 +292,28 @@ def _write_page(recording: Recording, path: Path, options: argparse.Namespace) -
         raise TooMany(str(error)) from None
 
 
-WRITERS = {"json": _write_json, "csv": _write_csv, "plot": _draw, "movie": _film, "html": _write_page}
-"""By option, in the order in which they are written."""
+def _write_bag(recording: Recording, directory: Path, options: argparse.Namespace) -> None:
+    from billiards_sim.ros.bag import last_tick, write_bag
+
+    end = options.until or last_tick(recording.end.time, options.rate)
+    try:
+        times = ticks(recording.start.time, end, 1.0 / options.rate).tolist()
+        dropped = write_bag(directory, recording.scene, times, options.rate)
+    except ValueError as error:
+        raise Refusal(f"--bag: {error}") from None
+    if dropped:
+        say(f"  bag: {dropped} events are left out: more than the node lets wait at {options.rate:g} Hz")
+
+
+WRITERS = {
+    "json": (written, _write_json),
+    "csv": (written, _write_csv),
+    "plot": (written, _draw),
+    "movie": (written, _film),
+    "html": (written, _write_page),
+    "bag": (written_directory, _write_bag),
+}
+"""By option, in the order in which they are written: what is put in its place, and by what."""
 
 
 def _print_summary(recording: Recording, options: argparse.Namespace) -> None:

@@ -311,28 +311,64 @@ def test_without_a_display_human_says_so_once_and_goes_on(capsys: pytest.Capture
     assert capsys.readouterr().err == "billiards_sim: no display: nothing is shown (matplotlib's backend is agg)\n"
 
 
-def test_a_window_shows_the_shot_in_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
+class Clock:
+    """Stands for time itself: it goes on while a picture is shown."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.shown: list[tuple[Any, float]] = []
+
+    def show(self, picture: Any, duration: float) -> None:
+        self.shown.append((picture, duration))
+        self.now += duration
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """That of a window, which is not there."""
     matplotlib = pytest.importorskip("matplotlib")
     pytest.importorskip("PIL")
     from billiards_sim.gym import rendering
 
     matplotlib.use("agg")
-    shown: list[tuple[Any, float]] = []
-    now = [0.0]
+    clock = Clock()
+    monkeypatch.setattr(rendering.Window, "_show", lambda _, picture, duration: clock.show(picture, duration))
+    monkeypatch.setattr(rendering.time, "monotonic", lambda: clock.now)
+    return clock
 
-    def show(self: Any, picture: Any, duration: float) -> None:
-        shown.append((picture, duration))
-        now[0] += duration
 
-    monkeypatch.setattr(rendering.Window, "_show", show)
-    monkeypatch.setattr(rendering.time, "monotonic", lambda: now[0])
-    env = PoolEnv(render_mode="human")
+def play_for_humans(env: PoolEnv) -> float:
+    """A slow shot at two balls; how long it takes, s."""
     env.reset(options={"positions": [(1.0, 1.0), (1.2, 1.0)]})
     env._shown._there = True
-    _, _, _, _, info = env.step(np.array([0.0, -1.0, 0.0, 0.0]))
-    assert sum(duration for _, duration in shown) == pytest.approx(info["duration"], abs=0.05)
-    assert len(shown) == pytest.approx(30.0 * info["duration"], abs=2.0)
-    pictures = rendering.Pictures()
-    last = pictures.picture(env._tables.scene(0), info["duration"])
-    assert (np.abs(shown[-1][0].astype(int) - last).max(axis=2) > 60).mean() < 1e-3  # but for how balls are turned
+    return float(env.step(np.array([0.0, -1.0, 0.0, 0.0]))[4]["duration"])
+
+
+def test_a_window_shows_the_shot_in_its_own_time(clock: Clock) -> None:
+    env = PoolEnv(render_mode="human")
+    duration = play_for_humans(env)
+    assert sum(seconds for _, seconds in clock.shown) == pytest.approx(duration, abs=0.05)
+    assert len(clock.shown) == pytest.approx(30.0 * duration, abs=2.0)
+    last = env._shown.picture(env._tables.scene(0), duration)
+    assert (
+        np.abs(clock.shown[-1][0].astype(int) - last).max(axis=2) > 60
+    ).mean() < 1e-3  # but for how balls are turned
+    env.close()
+
+
+def test_a_window_leaves_out_what_it_is_too_late_for(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    from billiards_sim.gym import rendering
+
+    slow = 5.0 / 30.0  # s that a picture takes to paint
+
+    def paint(self: Any, pose: Any) -> Any:
+        clock.now += slow
+        return pose.time
+
+    monkeypatch.setattr(rendering.Painter, "frame", paint)
+    env = PoolEnv(render_mode="human")
+    duration = play_for_humans(env)
+    assert clock.now == pytest.approx(duration, abs=4.0 * slow)
+    assert len(clock.shown) == pytest.approx(duration / slow, abs=4.0)
+    assert clock.shown[-1][0] == pytest.approx(duration)  # the balls at rest are never left out
     env.close()

@@ -126,9 +126,15 @@ class Page:
 
     def preview(self) -> Any:
         """That of the present aim."""
-        self.until(lambda: self("billiards.state.preview !== null"))
-        self.page.wait_for_timeout(100)
-        return self(f"{STATE}.preview")
+        return self.until(
+            lambda: self(
+                """() => {
+                    const { aim, state } = billiards;
+                    const same = ([name, value]) => value === state.preview?.shot[name];
+                    return Object.entries(aim.values).every(same) && state.preview;
+                }"""
+            )
+        )
 
     def aimed(self, scene: bs.Scene) -> tuple[bs.Simulation, Any]:
         """What the engine makes of the present aim."""
@@ -166,6 +172,7 @@ def page(browser: Any, server: Server) -> Iterator[Page]:
     context = browser.new_context(viewport={"width": 960, "height": 600})
     page = Page(context.new_page()).open(server.address)
     page.choose("#scene", "three_cushion")
+    page.until(lambda: page.table["scene"] == "three_cushion")
     page.choose("#scene", "eight_ball")
     page.until(lambda: page.table["scene"] == "eight_ball" and page.places == bs.scenes.eight_ball().positions.tolist())
     yield page
@@ -362,7 +369,79 @@ def test_two_pages_see_the_same_table(page: Page, browser: Any, server: Server) 
     context.close()
 
 
-@pytest.mark.parametrize("size, scheme", [((390, 844), "dark"), ((820, 1180), "dark"), ((1360, 800), "light")])
+def test_at_the_end_of_a_run_the_next_shot_is_foreseen_however_the_end_is_reached(page: Page) -> None:
+    for skip in ("[data-player=end]", "#shoot"):
+        page.page.click("#shoot")
+        page.until(lambda: page("billiards.player.shows"))
+        page.page.click(skip)
+        page.until(lambda: page(f"{STATE}.preview !== null") and page.said.startswith("This shot"))
+        page.page.click("#undo")
+        page.until(lambda: page.places == bs.scenes.eight_ball().positions.tolist())
+
+
+@pytest.mark.parametrize("rate", ["0.25", "1", "2"])
+def test_balls_roll_at_the_speed_that_is_chosen(page: Page, rate: str) -> None:
+    page.choose("[data-player=rate]", rate)
+    page.page.click("#shoot")
+    page.until(lambda: page("billiards.player.time > 0"))
+    # by the clock of the frames, which is what is to be kept to, slow as the machine may be
+    shares = page(
+        """() => new Promise((done) => {
+            const { player } = billiards;
+            const times = [];
+            const look = (now) => {
+                times.push([now / 1000, player.time]);
+                if (times.length < 12) requestAnimationFrame(look);
+                else done(times.slice(1).map(([at, time], index) => [at - times[index][0], time - times[index][1]]));
+            };
+            requestAnimationFrame(look);
+        })"""
+    )
+    even = [shown / passed for passed, shown in shares if passed < 0.1]
+    assert len(even) > 3
+    assert even == pytest.approx([float(rate)] * len(even), rel=1e-6)
+
+
+def test_a_scene_file_is_dropped_on_the_page(page: Page) -> None:
+    page(
+        """(text) => {
+            const data = new DataTransfer();
+            data.items.add(new File([text], "two.yaml"));
+            document.querySelector("#table").dispatchEvent(
+                new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+        }""",
+        "name: dropped\nballs:\n- {name: cue, position: [0.5, 0.5]}\n- {name: '1', position: [1.5, 0.5]}\n",
+    )
+    page.until(lambda: page.table["scene"] == "dropped")
+    assert page.places == [[0.5, 0.5], [1.5, 0.5]]
+
+
+def test_figures_are_not_cut_off(page: Page) -> None:
+    page.choose("#scene", "three_cushion")  # whose figures have many digits
+    page.until(lambda: page.table["scene"] == "three_cushion")
+    assert (
+        page(
+            """() => [...document.querySelectorAll("input[type=number]")].filter(
+            (field) => field.scrollWidth > field.clientWidth).map((field) => field.value)"""
+        )
+        == []
+    )
+
+
+SCREENS = [
+    ((390, 844), "dark"),
+    ((360, 640), "light"),
+    ((844, 390), "dark"),
+    ((820, 1180), "dark"),
+    ((1360, 800), "light"),
+]
+BEYOND = """() => [...document.querySelectorAll("#player *, #said, #shot *")].filter((one) => {
+    const { left, right, width } = one.getBoundingClientRect();
+    return width > 0 && (left < 0 || right > innerWidth + 0.5);
+}).map((one) => one.outerHTML.slice(0, 80))"""
+
+
+@pytest.mark.parametrize("size, scheme", SCREENS)
 def test_it_fits_every_screen_and_is_named_for_those_who_do_not_see_it(
     browser: Any, server: Server, size: tuple[int, int], scheme: str
 ) -> None:
@@ -372,6 +451,11 @@ def test_it_fits_every_screen_and_is_named_for_those_who_do_not_see_it(
     frame = page("(({ left, right, top, bottom }) => ({ left, right, top, bottom }))(table.getBoundingClientRect())")
     assert frame["left"] >= 0 and frame["right"] <= size[0] and frame["bottom"] <= size[1]
     assert page("billiards.view.turned") == (size[0] < 500)
+    page.page.click("#shoot")
+    page.until(lambda: page("billiards.player.time > 0.1"))
+    assert page(BEYOND) == []
+    assert page("document.documentElement.scrollWidth") <= size[0]
+    page.page.click("#undo")
     nameless = page(
         """() => [...document.querySelectorAll("button, input:not([hidden]), select, canvas, [role]")].filter((one) =>
             !(one.ariaLabel || one.getAttribute("aria-labelledby") || one.textContent.trim()

@@ -6,16 +6,20 @@ from __future__ import annotations
 import json
 import sys
 
+import pytest
 from conftest import Site
 
-from billiards_sim.ros.tools.node_load import TOPICS, evenness
+from billiards_sim.ros.tools.node_load import SCENES, TOPICS, evenness
 
 
-def test_a_break_is_measured_from_before_the_shot_until_rest(site: Site) -> None:
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_break_is_measured_from_before_the_shot_until_rest(site: Site, scene: str) -> None:
     load = site.process(
-        "-m", "billiards_sim.ros.tools.node_load", "--topics", "all", "--breaks", "1", command=[sys.executable]
+        *("-m", "billiards_sim.ros.tools.node_load", "--scene", scene, "--topics", "all", "--breaks", "1"),
+        command=[sys.executable],
     )
     assert load.wait() == 0, load.stderr
+    assert f"ready: scene {scene}, 16 balls" in load.stderr
     found = json.loads(load.stdout)
     assert (found["balls"], found["topics"]) == ("break", list(TOPICS))
     assert 0.0 < found["twist_rate"] < 16 * 100.0  # of balls that move; a resting one is told again once a second

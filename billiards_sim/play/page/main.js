@@ -18,6 +18,7 @@ const canvas = $("#table");
 const view = new View(canvas);
 const state = { first: true, table: null, menu: null, preview: null, drag: null, dropped: null, turning: null };
 state.rolling = false; // of a table that runs elsewhere
+state.greets = false; // says how to begin, until somebody does
 const turns = {}; // how the balls were turned where the last run ended, by name
 
 const server = new Server(heard, (up) => {
@@ -25,6 +26,7 @@ const server = new Server(heard, (up) => {
   if (!up) say("The connection is lost. Trying again …", true);
 });
 const aim = new Aim($("#shot"), () => {
+  state.greets = false;
   ask.preview();
   draw();
   remember();
@@ -93,7 +95,14 @@ function open(given) {
   aimAsGiven(link?.aim ?? given ?? {});
   const loaded = link?.scene && change({ do: "load", text: JSON.stringify(link.scene) });
   if (loaded) loaded.then(() => aimAsGiven(link.aim ?? given ?? {}));
-  else say("Move the mouse to aim, the wheel for speed. Space shoots; a click holds the aim.");
+  else greet();
+}
+
+function greet() {
+  say(window.matchMedia("(hover: none)").matches
+    ? "A finger on the cloth aims, the slider sets the speed. Balls can be dragged."
+    : "Move the mouse to aim, turn its wheel for speed; Space shoots. A click holds the aim. Balls can be dragged.");
+  state.greets = true;
 }
 
 // What a scene brings, or a guess where it brings none.
@@ -140,6 +149,7 @@ function say(text, bad = false) {
 // ---- what is asked for
 
 async function change(message) {
+  state.greets = false;
   const answer = await server.ask(message);
   if (answer.error) {
     say(answer.error, true);
@@ -162,22 +172,24 @@ const ask = {
     this.busy = true;
     const revision = state.table.revision;
     const began = performance.now();
-    const answer = await server.ask({ do: "preview", shot: shot(), without: effects.compared });
+    const asked = shot();
+    const answer = await server.ask({ do: "preview", shot: asked, without: effects.compared });
     document.body.dataset.roundTrip = performance.now() - began;
     this.busy = false;
-    if (revision === state.table.revision && !answer.dropped && !state.rolling) this.show(answer);
+    if (revision === state.table.revision && !answer.dropped && !state.rolling) this.show(asked, answer);
     if (this.next || revision !== state.table.revision) {
       this.next = false;
       this.preview();
     }
   },
-  show(answer) {
+  show(asked, answer) {
     state.preview = answer.error ? null : {
+      shot: asked,
       run: withFalls(answer.run),
       without: answer.without ? withFalls(answer.without) : null,
     };
     if (answer.error) say(answer.error, true);
-    else if (!player.shows) say(foreseen(state.preview.run));
+    else if (!player.shows && !state.greets) say(foreseen(state.preview.run));
     draw();
   },
 };

@@ -56,7 +56,7 @@ export class Effects {
       const { toggle, figure } = this.rows.get(effect.key);
       toggle.checked = effect.on;
       figure.disabled = !effect.on;
-      if (figure !== document.activeElement) figure.value = Number((effect.value / effect.scale).toPrecision(6));
+      if (figure !== document.activeElement) figure.value = Number((effect.value / effect.scale).toPrecision(5));
     }
   }
 
@@ -115,7 +115,8 @@ export class Balls {
       const chip = element("button", {
         type: "button", class: "chip", "data-ball": ball.name, "aria-pressed": ball.name === this.chosen,
         "aria-label": `Ball ${ball.name}${ball.at ? "" : ", off the table"}`,
-      }, ball.name === "cue" ? "" : ball.name);
+        title: ball.name,
+      }, ball.name.match(/\d+$/)?.[0].slice(-3) ?? "");
       chip.style.setProperty("--ball", ball.colour);
       if (ball.striped) chip.classList.add("striped");
       if (!ball.at) chip.classList.add("off");

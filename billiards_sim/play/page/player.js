@@ -8,7 +8,7 @@ const SHOWN = ["ball_ball", "ball_rail", "pocketed"]; // events along the time l
 const LONGEST_FRAME = 0.1; // s; a page that was hidden goes on where it was
 
 export class Player {
-  /** `root` holds the controls; `draw` is called whenever the time changes, `ended` when a run comes to its end. */
+  /** `root` holds the controls; `draw` is called whenever the time changes, `ended` when it is that of the end. */
   constructor(root, draw, ended = () => {}) {
     this.draw = draw;
     this.ended = ended;
@@ -86,6 +86,7 @@ export class Player {
     this.line.setAttribute("aria-valuetext", `${this.time.toFixed(2)} seconds`);
     this.clock.textContent = `${this.time.toFixed(2)} / ${this.run.end.toFixed(2)} s`;
     this.draw();
+    if (!this.shows) this.ended();
   }
 
   setPlaying(playing) {
@@ -103,7 +104,6 @@ export class Player {
     this.setTime(this.time + passed * Number(this.rate.value));
     if (this.time >= this.run.end) {
       this.setPlaying(false);
-      this.ended();
     } else {
       requestAnimationFrame((next) => this.frame(next));
     }

@@ -106,11 +106,12 @@ export class View {
       const points = pathUntil(run.arcs[index], end, this.table.centre);
       if (points.length < 2) return;
       context.globalAlpha = alpha;
-      context.lineWidth = Math.max(1.6 * this.ratio, 0.1 * this.radius);
+      context.lineWidth = Math.max(1.8 * this.ratio, 0.1 * this.radius);
       context.setLineDash(dashed ? [5 * this.ratio, 5 * this.ratio] : []);
       context.lineJoin = "round";
-      // a pale line below, so that dark colours are seen on the cloth
-      for (const [colour, wider] of [["rgba(255, 255, 255, 0.35)", 1.2 * this.ratio], [balls[index].colour, 0]]) {
+      // brighter than the ball, on a pale line, so that dark colours are seen on the cloth
+      const bright = mixed(balls[index].colour, "#ffffff", 0.25);
+      for (const [colour, wider] of [["rgba(255, 255, 255, 0.4)", 1.6 * this.ratio], [bright, 0]]) {
         context.strokeStyle = colour;
         context.lineWidth += wider;
         this.line(points);

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import time
@@ -29,6 +30,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from billiards_sim.command_line import Parser, positive_seconds, run_to_end, say
+from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.ros.process import Child, isolate, ros, stoppable
 from billiards_sim.ros.qos import LATCHED
 from billiards_sim.ros.wrench import wrench_from_shot
@@ -46,7 +48,10 @@ EVERY_TICK = ("states", "poses")
 """Those of which each tick sends one message: the first that is subscribed tells the ticks."""
 
 BALLS = 16
-SHOT = ("128", "10")  # N, off centre: it sets every ball in motion
+SCENES = ("rack", "eight_ball")
+
+SHOT_AIM = 10.0
+"""N along y, with `BREAK`: it sets every ball in motion."""
 
 BREAK = 128.0
 """N along x: 8 m/s."""
@@ -192,12 +197,13 @@ def main(arguments: list[str]) -> int:
         metavar="T,T",
         help=f"to subscribe: all, none or some of {','.join(TOPICS)} (%(default)s)",
     )
+    parser.add_argument("--scene", choices=SCENES, default=SCENES[0], help="of 16 balls (%(default)s)")
     parser.add_argument("--breaks", type=int, default=0, metavar="N", help="measure N breaks instead")
 
     def play() -> int:
         options = parser.parse_args(arguments)
         isolate(os.environ)
-        given = ["scene:=rack", f"update_rate:={options.rate}"]
+        given = [f"scene:={options.scene}", f"update_rate:={options.rate}"]
         if not options.breaks:
             given.append("physics.rolling_friction:=0.0")
         _measure(options, [part for parameter in given for part in ("-p", parameter)])
@@ -219,20 +225,27 @@ def _measure(options: argparse.Namespace, table_arguments: Sequence[str]) -> Non
         if options.breaks:
             aims = np.random.default_rng(1).uniform(-WIDEST_AIM, WIDEST_AIM, options.breaks)
             for aim in aims.tolist():
-                report("break", partial(_break, listener, aim))
+                report("break", partial(_break, listener, *_force(options.scene, aim)))
                 listener.wait(listener.reset.call_async(Trigger.Request()).done)
                 listener.wait(lambda: listener.at_rest is True)
             return
         report("at rest", partial(listener.pass_time, options.duration))
-        with Child("shoot", "--force", *SHOT) as shoot:
+        with Child("shoot", "--force", *map(repr, _force(options.scene, SHOT_AIM))) as shoot:
             listener.wait(lambda: shoot.exit_code is not None and listener.at_rest is False)
         listener.pass_time(SETTLING)
         report("moving", partial(listener.pass_time, options.duration))
 
 
-def _break(listener: Listener, aim: float) -> None:
+def _force(scene: str, aim: float) -> tuple[float, float]:
+    # N, of a break of the scene: 8 m/s, or as fast as its own.
+    shot = BUILT_IN[scene]().shot
+    force = BREAK if shot is None else math.hypot(*shot.force)
+    return force, aim / BREAK * force
+
+
+def _break(listener: Listener, along: float, across: float) -> None:
     listener.pass_time(SETTLING)
-    listener.cue.publish(wrench_from_shot((BREAK, aim, 0.0), (0.0, 0.0)))
+    listener.cue.publish(wrench_from_shot((along, across, 0.0), (0.0, 0.0)))
     listener.wait(lambda: listener.at_rest is False)
     listener.wait(lambda: listener.at_rest is True)
     listener.pass_time(SETTLING)

@@ -24,6 +24,7 @@ from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import Shot
 from billiards_sim.ros.process import own_arguments, ros, stoppable
+from billiards_sim.ros.qos import SHOT_DEPTH
 from billiards_sim.ros.tools.commentary import Commentary
 from billiards_sim.ros.wrench import CUE_BALL, wrench_from_shot
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
@@ -69,8 +70,8 @@ class Shooter(Node):
         self.create_subscription(String, "collisions", self._on_collisions, 100)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, latched)
-        self._shots = self.create_publisher(WrenchStamped, "cue_shot", 10)
-        self._previews = self.create_publisher(WrenchStamped, "cue_shot/preview", 10)
+        self._shots = self.create_publisher(WrenchStamped, "cue_shot", SHOT_DEPTH)
+        self._previews = self.create_publisher(WrenchStamped, "cue_shot/preview", SHOT_DEPTH)
 
     def parameters(self, *names: str) -> list[Any]:
         """Values of the table's parameters.
