@@ -356,6 +356,28 @@ def test_a_window_shows_the_shot_in_its_own_time(clock: Clock) -> None:
     env.close()
 
 
+def test_a_window_opens_once_and_shows_the_latest_picture_pixel_by_pixel(monkeypatch: pytest.MonkeyPatch) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    pytest.importorskip("PIL")
+    from matplotlib.figure import Figure
+
+    matplotlib.use("agg")
+    opened: list[Figure] = []
+    monkeypatch.setattr(Figure, "show", lambda figure: opened.append(figure))
+    env = PoolEnv(render_mode="human")
+    env.reset(seed=1)
+    env._shown._there = True
+    for seed in (1, 2):
+        env.reset(seed=seed)
+        (figure,) = opened
+        figure.canvas.draw()
+        shown = np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int)
+        expected = env._shown.picture(env._tables.scene(0), 0.0)
+        assert (np.abs(shown - expected).max(axis=2) > 0).mean() < 5e-4  # a ball has 8e-4
+    env.close()
+    assert not matplotlib.pyplot.get_fignums()
+
+
 def test_a_window_leaves_out_what_it_is_too_late_for(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     from billiards_sim.gym import rendering
 
