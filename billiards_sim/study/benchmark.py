@@ -19,7 +19,7 @@ from typing import Any
 from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, run_to_end, say
 from billiards_sim.engine import machine as engine_machine
 from billiards_sim.files import written
-from billiards_sim.study import chaos, elastic, node_cost, peers, precision, report, rollouts, speed
+from billiards_sim.study import chaos, elastic, environments, node_cost, peers, precision, report, rollouts, speed
 from billiards_sim.study.measure import ChildError, Task, machine
 
 SEEDS = 200
@@ -27,8 +27,8 @@ QUICK_SEEDS = 50
 CHAOS_SEEDS = 100
 QUICK_CHAOS_SEEDS = 5
 
-PARTS = ("speed", "rollouts", "precision", "elastic", "chaos", "peers", "node")
-QUICK_PARTS = ("speed", "rollouts", "precision", "elastic", "chaos")
+PARTS = ("speed", "rollouts", "environments", "precision", "elastic", "chaos", "peers", "node")
+QUICK_PARTS = ("speed", "rollouts", "environments", "precision", "elastic", "chaos")
 
 
 def main(arguments: list[str]) -> int:
@@ -105,6 +105,8 @@ def _tasks(part: str, quick: bool, seeds: int) -> Iterator[Task]:
         return speed.tasks(seeds, quick)
     if part == "rollouts":
         return rollouts.tasks(quick)
+    if part == "environments":
+        return environments.tasks(quick)
     if part == "precision":
         return precision.tasks(quick)
     if part == "elastic":
@@ -163,7 +165,7 @@ def _parser() -> Parser:
         nargs="+",
         choices=PARTS,
         metavar="PART",
-        help=f"only some of: {', '.join(PARTS)} (quick: the first 5)",
+        help=f"only some of: {', '.join(PARTS)} (quick: the first {len(QUICK_PARTS)})",
     )
     parser.add_argument("--from", dest="source", type=Path, metavar="JSON", help="do not measure, take these figures")
     parser.add_argument(

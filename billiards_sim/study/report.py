@@ -44,6 +44,10 @@ ROLLOUT_NOTE = """Shots a second of `bs.rollout`, to rest, medians: what the ker
 every core, measured in turn, so that the first ratio holds on a busy machine as well. Of another engine: breaks for
 5 s, one after the other."""
 
+ENVIRONMENT_NOTE = """Shots a second of environments with two balls, random actions, to rest; tables that step
+together share a rollout on one thread. By the clock, which other programs slow down, and by the time that a core was
+spent on it."""
+
 BREAK_NOTE = """Breaks at 8 m/s with every effect of pool, aimed up to 14 mm beside the middle, to rest: the median over
 aims of how far the median ball of the 15 ends from where it lay, and what a break costs. Racks 50 ms after the hit:"""
 
@@ -156,6 +160,23 @@ def rollout_table(study: dict[str, Any]) -> str:
     lines.append((f"{peer['name']} {peer['version'] or ''}".strip() + ", `break` for 5 s", "", "", rate, "", "", ""))
     header = ("shots", "events each", "kernel, /s", "one thread, /s", "all cores, /s")
     return table((*header, "one thread over kernel", "all over one"), lines)
+
+
+def environment_table(study: dict[str, Any]) -> str:
+    """Shots a second of each environment."""
+    if study["absent"]:
+        return "Gymnasium is not installed."
+    lines = [
+        (
+            f"`billiards_sim/{row['name']}-v0`",
+            str(row["tables"]),
+            *(figure(row["wall"][which]) for which in ("median", "low", "high")),
+            figure(row["processor"]["median"]),
+        )
+        for row in study["rows"]
+    ]
+    header = ("environment", "tables", "shots a second", "least", "most", "a second of a core")
+    return f"{table(header, lines)}\n\n{ENVIRONMENT_NOTE}"
 
 
 def precision_summary(study: dict[str, Any]) -> str:
@@ -409,6 +430,8 @@ def sections(results: Results) -> dict[str, str]:
         found["Cost of each feature"] = speed_table(speed["features"])
     if rollouts := results.get("rollouts"):
         found["Rollouts"] = f"{rollout_table(rollouts)}\n\n{ROLLOUT_NOTE}"
+    if environments := results.get("environments"):
+        found["Environments to learn in"] = environment_table(environments)
     if precision := results.get("precision"):
         notes = precision_notes(results["options"]["quick"])
         picture = "![Work and precision](work_precision.png)"

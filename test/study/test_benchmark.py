@@ -18,7 +18,18 @@ import pytest
 from extras import needs_plot_extra
 
 import billiards_sim as bs
-from billiards_sim.study import benchmark, chaos, elastic, measure, pool, precision, report, rollouts, speed
+from billiards_sim.study import (
+    benchmark,
+    chaos,
+    elastic,
+    environments,
+    measure,
+    pool,
+    precision,
+    report,
+    rollouts,
+    speed,
+)
 from billiards_sim.study.truth import collisions, truths
 
 REPOSITORY = Path(__file__).parents[2]
@@ -281,6 +292,38 @@ def test_rollouts_of_a_case_are_measured_in_every_way() -> None:
     assert found["shots"] == 10
     assert found["events"] == np.mean(counts)
     assert all(found[way]["runs"] == 2 and found[way]["low"] > 0.0 for way in ("kernel", "one", "all"))
+
+
+def test_environments_are_rated_by_the_clock_and_by_the_core() -> None:
+    row = {
+        "name": "Pool",
+        "tables": 64,
+        "wall": {"median": 2e4, "low": 1e4, "high": 3e4},
+        "processor": {"median": 4e4},
+    }
+    line = report.environment_table({"absent": False, "rows": [row]}).splitlines()[2]
+    cells = ["`billiards_sim/Pool-v0`", "64", "20000", "10000", "30000", "40000"]
+    assert [cell.strip() for cell in line.split("|")[1:-1]] == cells
+    assert "not installed" in report.environment_table({"absent": True})
+
+
+@pytest.mark.parametrize("name", environments.OPTIONS)
+def test_each_step_of_an_environment_that_is_measured_plays_at_every_table(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("gymnasium")
+    from billiards_sim.gym.tables import Tables
+
+    played: list[int] = []
+    ticks = iter(range(1000))  # a second between two looks at a clock
+    monkeypatch.setattr(environments.time, "perf_counter", lambda: next(ticks))
+    monkeypatch.setattr(environments.time, "process_time", lambda: 0.25 * next(ticks))
+    play = Tables.play
+    monkeypatch.setattr(Tables, "play", lambda self, rows, shots: played.append(len(rows)) or play(self, rows, shots))
+    found = environments.measure(name, 2, 12)
+    assert played == [environments.TABLES] * 12 * 3
+    assert found["wall"] == {"median": 384.0, "low": 384.0, "high": 384.0, "runs": 2}  # 12 steps in 2 s
+    assert found["processor"]["median"] == 4.0 * 384.0
 
 
 def test_a_target_is_met_or_missed() -> None:
