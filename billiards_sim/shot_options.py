@@ -35,7 +35,7 @@ def add_shot_options(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=float,
         metavar=("FX", "FY"),
-        help="force of the cue, N, in the frame of the table; 80 0 gives 5 m/s along x with the default physics",
+        help="force of the cue, N, in the frame of the table; 850 0 gives 5 m/s along x with the physics of pool",
     )
     robots.add_argument(
         "--offset",

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 
 import pytest
 
+import billiards_sim as bs
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Shot
 from billiards_sim.shot_options import add_shot_options, angle, shot_asked_for
@@ -64,3 +66,14 @@ def test_words_a_force_or_nothing() -> None:
 def test_half_a_shot_or_two_are_refused(arguments: tuple[str, ...], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         asked(*arguments)
+
+
+def test_the_help_says_how_fast_a_force_is_on_the_pool_table() -> None:
+    parser = argparse.ArgumentParser()
+    add_shot_options(parser)
+    said = " ".join(parser.format_help().split())
+    (found,) = re.findall(r"; (\S+) (\S+) gives (\S+) m/s along x with the physics of pool", said)
+    force_x, force_y, speed = map(float, found)
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation.strike((force_x, force_y, 0.0))
+    assert simulation.velocities[0] == pytest.approx((speed, 0.0), abs=1e-12)

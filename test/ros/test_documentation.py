@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from documents import blocks
 from process import positions
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+import billiards_sim as bs
 from billiards_sim.ros import parameters
 from billiards_sim.ros.qos import MOST_BALLS, TF_DEPTH
 from billiards_sim.ros.table_node import TableNode
@@ -107,8 +109,13 @@ def test_the_recipe_in_python_watches_a_shot(site: Site) -> None:
 
 def test_the_recipe_in_python_shoots(site: Site) -> None:
     site.table("real_time_factor:=20.0")
+    client = site.client()
     player = site.process(*recipe("player"), command=[sys.executable])
     assert player.wait() == 0, player.stderr
     verdict, rest = player.stdout.splitlines()
     assert verdict.startswith("{'version': 2, 'accepted': True, 'reason': '', 'time': ")
     assert rest == "at rest"
+    client.spin_until(lambda: len(client.collisions) > 0)
+    (speed,) = re.findall(r"# N along x, for 1 ms: (\S+) m/s on a pool table$", PAGE, re.MULTILINE)
+    (shot,) = [event for event in client.collisions if event["kind"] == "shot"]
+    assert shot["impulse"] == pytest.approx(bs.Physics.pool().mass * float(speed), rel=1e-12)
