@@ -3,7 +3,7 @@
 
 const BROWSER = [
   "Blob", "CSS", "Image", "ResizeObserver", "TextDecoder", "TextEncoder", "URL", "WebSocket", "atob", "btoa",
-  "clearTimeout", "document", "history", "location", "navigator", "performance", "requestAnimationFrame", "setTimeout",
+  "clearTimeout", "document", "history", "location", "navigator", "requestAnimationFrame", "setTimeout",
   "window",
 ];
 

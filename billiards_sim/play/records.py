@@ -37,6 +37,8 @@ SHORT = 1e-4
 """s. A preview leaves out arcs that begin so soon after the one before: balls in touch have hundreds of them, and move
 by a millimetre meanwhile. The last of each is kept, so that ends are exact."""
 
+EVENT = tuple(field.name for field in fields(Event))
+
 DIGITS = 4
 """After the decimal point, of figures that are drawn and not counted on: m, 0.1 mm."""
 
@@ -104,7 +106,7 @@ def run_record(run: Run, spins: bool = True) -> dict[str, Any]:
 
 def event_record(event: Event) -> dict[str, Any]:
     """An event, without what it has not."""
-    return {key: value for key, value in asdict(event).items() if value is not None}
+    return {key: value for key in EVENT if (value := getattr(event, key)) is not None}
 
 
 def link_document(scene: Scene) -> dict[str, Any]:
@@ -150,9 +152,9 @@ def _shortest(owner: Any, presets: Mapping[str, Callable[..., Any]]) -> Any:
 
 def _thinned(arcs: NDArray[np.float64]) -> NDArray[np.float64]:
     kept, began = [], -math.inf
-    for index, time in enumerate(arcs[:, 0].tolist()):
-        last = index + 1 == len(arcs) or arcs[index + 1, 0] - time >= SHORT
-        if last or time - began >= SHORT:
+    times = arcs[:, 0].tolist()
+    for index, (time, after) in enumerate(zip(times, [*times[1:], math.inf])):
+        if after - time >= SHORT or time - began >= SHORT:
             kept.append(index)
             began = time
     return arcs[kept]

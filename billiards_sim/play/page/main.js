@@ -171,10 +171,8 @@ const ask = {
     }
     this.busy = true;
     const revision = state.table.revision;
-    const began = performance.now();
     const asked = shot();
     const answer = await server.ask({ do: "preview", shot: asked, without: effects.compared });
-    document.body.dataset.roundTrip = performance.now() - began;
     this.busy = false;
     if (revision === state.table.revision && !answer.dropped && !state.rolling) this.show(asked, answer);
     if (this.next || revision !== state.table.revision) {
