@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -27,9 +28,19 @@ The page is served to this machine alone, until Ctrl-C. Exit code 0: stopped; 2:
 
 def main(arguments: list[str]) -> int:
     """Serve until a signal comes; returns the exit code."""
-    if "--ros" in arguments:
+    if _is_on_a_running_table(arguments):
         return run_to_end("play", lambda: _play_on_a_running_table(arguments))
     return run_to_end("play", lambda: _play(_parser().parse_args(arguments)))
+
+
+def _is_on_a_running_table(arguments: list[str]) -> bool:
+    if "--ros" in arguments:
+        return True
+    # `ros2 run` starts what lies in lib/billiards_sim
+    if Path(sys.argv[0]).parent.parts[-2:] != ("lib", "billiards_sim"):
+        return False
+    own = arguments[: arguments.index("--ros-args")] if "--ros-args" in arguments else arguments
+    return _parser().parse_args(own).scene is None
 
 
 def _parser() -> Parser:
@@ -40,7 +51,11 @@ def _parser() -> Parser:
         nargs="?",
         help=f"a scene file, or one of {', '.join(BUILT_IN)}; default eight_ball",
     )
-    parser.add_argument("--ros", action="store_true", help="play on the running table that listens on cue_shot")
+    parser.add_argument(
+        "--ros",
+        action="store_true",
+        help="play on the running table that listens on cue_shot; so does `ros2 run` without SCENE",
+    )
     parser.add_argument("--port", type=_port, default=PORT, metavar="N", help=f"of 127.0.0.1 ({PORT}); 0: a free one")
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     return parser
@@ -73,7 +88,7 @@ def _play_on_a_running_table(arguments: list[str]) -> int:
         ) from None
     options = _parser().parse_args(own_arguments("play", arguments))
     if options.scene is not None:
-        raise Refusal(f"--ros plays on the scene of the running table: leave out {options.scene!r}")
+        raise Refusal(f"--ros plays on the scene of the running table: leave out --ros or {options.scene!r}")
     with ros("play", arguments):
         _serve(RosBackend(), options)
     return 0

@@ -144,21 +144,12 @@ class EngineBackend(Backend):
         self._show(effect.switched(self._scene, on, asked.get("value")))
 
     def _load(self, asked: Message) -> None:
-        text = asked.get("text")
-        if not isinstance(text, str):
-            raise ValueError(f"text must be that of a scene file, got {shown(text)}")
-        try:
-            scene = read_scene(text, MOST_BALLS)
-        except ImportError as error:
-            raise ValueError(str(error)) from None
+        scene = read_file(asked, MOST_BALLS)
         if replace(scene, shot=None) != self._scene:
             self._play_from(scene)
 
     def _save(self, _: Message) -> Message:
-        try:
-            return {"text": scene_text(self._scene), "name": self._scene.name or "table"}
-        except ImportError as error:
-            raise ValueError(str(error)) from None
+        return written_file(self._scene)
 
     def _reset(self, _: Message) -> None:
         self._play_from(self._first)
@@ -227,6 +218,33 @@ DOES: dict[str, Any] = {
     "undo": EngineBackend._undo,
 }
 """What a page can ask for."""
+
+
+def read_file(asked: Message, most_balls: int) -> Scene:
+    """The scene of a file that a page has.
+
+    Raises:
+        ValueError: it is none.
+    """
+    text = asked.get("text")
+    if not isinstance(text, str):
+        raise ValueError(f"text must be that of a scene file, got {shown(text)}")
+    try:
+        return read_scene(text, most_balls)
+    except ImportError as error:
+        raise ValueError(str(error)) from None
+
+
+def written_file(scene: Scene) -> Message:
+    """A scene file, for a page to keep.
+
+    Raises:
+        ValueError: it cannot be written, for want of a library.
+    """
+    try:
+        return {"text": scene_text(scene), "name": scene.name or "table"}
+    except ImportError as error:
+        raise ValueError(str(error)) from None
 
 
 def played(scene: Scene, shot: Message | None) -> Outcome:

@@ -12,9 +12,11 @@ import dataclasses
 import json
 import threading
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 import rclpy
 from geometry_msgs.msg import Transform, WrenchStamped
 from rclpy.executors import SingleThreadedExecutor
@@ -25,13 +27,15 @@ from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
+from billiards_sim import quaternion
 from billiards_sim.command_line import Failure
-from billiards_sim.engine.quantity import numbers, shown
+from billiards_sim.engine.quantity import number, numbers, shown
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.play.backend import Backend, Message
 from billiards_sim.play.effects import EFFECTS
-from billiards_sim.play.records import table_record
+from billiards_sim.play.engine_backend import MOST_BALLS, MOST_UNDONE, played, read_file, written_file
+from billiards_sim.play.records import PHYSICS, run_record, table_record
 from billiards_sim.play.shots import aim_of, choice, mapping
 from billiards_sim.ros import parameters
 from billiards_sim.ros.qos import LATCHED
@@ -47,10 +51,16 @@ SLACK = 0.003
 """s by which a state may come early: those of a table at 100 Hz that are told then come every 20 ms, evenly."""
 
 QUIET = 0.1
-"""s without an event before a table at rest has told all: topics keep no order among each other."""
+"""s without news before a table at rest has told all: topics keep no order among each other."""
+
+LONGEST_TURN = 0.1
+"""s between two states over which balls are turned by their spins; what is longer is a gap."""
 
 Places = list[list[float] | None]
 """Of each ball x, y m and the quaternion x, y, z, w; None off the table."""
+
+Position = dict[str, tuple[float, float]]
+"""Where the balls lie that are on the table, m, by name."""
 
 
 class RosBackend(Backend):
@@ -75,6 +85,8 @@ class RosBackend(Backend):
         self._summing: asyncio.TimerHandle | None = None
         self._due = 0.0
         self._listening: list[Any] = []
+        self._before: deque[Position] = deque(maxlen=MOST_UNDONE)  # positions at rest that can be gone back to
+        self._noting: asyncio.TimerHandle | None = None
         for topic in ("shot_result", "preview/result", "placement_result"):
             self._node.create_subscription(String, topic, self._on_answer, 100)
         self._node.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
@@ -89,19 +101,23 @@ class RosBackend(Backend):
         self._spin_until(self._parameters.services_are_ready, f"the node {table} did not tell its parameters")
         future = self._parameters.get_parameters(NAMES)
         self._spin_until(future.done, f"the node {table} did not tell its parameters")
-        self._scene = self._read(future.result())
-        self._places: Places = [[*at, 0.0, 0.0, 0.0, 1.0] for at in self._scene.positions.tolist()]
+        self._settings = self._read(future.result())
+        self._rested: Position | None = None  # at the last rest
         self._told: Places = []
+        self._places: Places
+        self._turning: Turning
+        self._begin()
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     def greeting(self) -> list[Message]:
-        menu = {"tell": "menu", "live": True, "scenes": list(BUILT_IN), "tables": [], "physics": []}
+        menu = {"tell": "menu", "live": True, "scenes": list(BUILT_IN), "tables": [], "physics": list(PHYSICS)}
         return [menu, self._table(), self._state()]
 
     def attend(self, pages: int) -> None:
         self._loop = asyncio.get_running_loop()
         if pages and not self._listening:
+            self._turning = Turning(self._turning.names)
             self._listening = [
                 self._node.create_subscription(MultiDOFJointState, "balls/states", self._on_states, 10),
                 self._node.create_subscription(String, "collisions", self._on_collisions, 1000),
@@ -121,34 +137,72 @@ class RosBackend(Backend):
         return await do(self, asked) or {}
 
     async def _preview(self, asked: Message) -> Message:
-        answer = await self._request(self._previews, self._wrench(asked))
-        return {"run": _run(answer, self._scene)}
+        answer: Message = {}
+        if asked.get("without") is not None:  # the same engine, here
+            effect = choice("without", asked["without"], EFFECTS)
+            scene = self._present()
+            other = effect.switched(scene, not effect.is_on(scene))
+            answer["without"] = run_record(played(other, mapping(asked, "shot")).run, spins=False)
+        told = await self._request(self._previews, self._wrench(asked))
+        return {"run": _run(told, self._scene), **answer}
 
     async def _shoot(self, asked: Message) -> None:
+        self._note()
         answer = await self._request(self._shots, self._wrench(asked))
         self._began = answer["time"]
         self._events = [event for event in self._events if event["time"] >= self._began]
 
     async def _place(self, asked: Message) -> None:
-        places = {name: at for name, at in zip(self._scene.names, self._places) if at is not None}
+        position = self._position()
         for name, at in mapping(asked, "balls").items():
             if name not in self._scene.names:
                 raise ValueError(f"no ball is named {shown(name)}")
-            places.pop(name, None)
+            position.pop(name, None)
             if at is not None:
-                places[name] = [*numbers(f"position of ball {name!r}", at, 2)]
+                x, y = numbers(f"position of ball {name!r}", at, 2)
+                position[name] = x, y
+        await self._lay(position)
+        self._renew()
+
+    async def _lay(self, position: Position) -> None:
+        self._note()
         message = MultiDOFJointState()
-        message.joint_names = list(places)
-        for x, y, *_ in places.values():
+        message.joint_names = list(position)
+        for x, y in position.values():
             transform = Transform()
             transform.translation.x, transform.translation.y = x, y
             message.transforms.append(transform)
-        await self._request(self._balls, message)
-        # Where they lie comes with the next tick, which is under way.
+        await self._request(self._balls, message)  # where they lie comes with the next tick, which is under way
+
+    async def _undo(self, _: Message) -> None:
+        self._note()
+        if not self._before:
+            raise ValueError("there is nothing to undo")
+        await self._lay(self._before[-1])
+        self._rested = self._before.pop()
         self._renew()
 
+    async def _load(self, asked: Message) -> None:
+        scene = read_file(asked, MOST_BALLS)
+        if scene.table != self._scene.table:
+            raise ValueError(
+                "the file has another table than the one that runs: start the node with the file as its scene"
+            )
+        if scene.velocities.any() or scene.angular_velocities.any():
+            raise ValueError("balls of the file move: a running table takes balls at rest")
+        await self._change_to(scene)
+        await self._lay(_lying(scene))
+        self._renew()
+
+    async def _save(self, _: Message) -> Message:
+        return written_file(self._present())
+
     async def _set(self, asked: Message) -> None:
-        name = asked.get("scene")
+        if "scene" not in asked:
+            physics = choice("physics", asked.get("physics"), PHYSICS)()
+            await self._change_to(dataclasses.replace(self._scene, physics=physics))
+            return
+        name = asked["scene"]
         choice("scene", name, BUILT_IN)
         await self._change([Parameter("scene", value=name)])
         await self._reset_table({})
@@ -157,9 +211,17 @@ class RosBackend(Backend):
         effect, on = choice("effect", asked.get("effect"), EFFECTS), asked.get("on")
         if not isinstance(on, bool):
             raise ValueError(f"on must be true or false, got {shown(on)}")
-        changed = effect.switched(self._scene, on, asked.get("value"))
-        before, after = _values(self._scene), _values(changed)
+        await self._change_to(effect.switched(self._scene, on, asked.get("value")))
+
+    async def _change_to(self, scene: Scene) -> None:
+        # The physics and the table of another scene.
+        before, after = _values(self._scene), _values(scene)
         await self._change([Parameter(name, value=value) for name, value in after.items() if value != before[name]])
+        await self._reread()
+
+    async def _pace(self, asked: Message) -> None:
+        factor = number("factor", asked.get("factor"))
+        await self._change([Parameter("real_time_factor", value=factor)])
         await self._reread()
 
     async def _reset_table(self, _: Message) -> None:
@@ -205,12 +267,19 @@ class RosBackend(Backend):
             raise ValueError(response.message)
 
     async def _change(self, changed: list[Parameter]) -> None:
+        if not changed:  # which rclpy does not take
+            return
         response = await self._awaited(self._parameters.set_parameters_atomically(changed))
         if not response.result.successful:
             raise ValueError(response.result.reason)
 
     async def _reread(self) -> None:
-        self._scene = self._read(await self._awaited(self._parameters.get_parameters(NAMES)))
+        names = self._scene.names
+        self._settings = self._read(await self._awaited(self._parameters.get_parameters(NAMES)))
+        if self._scene.names != names:
+            self._before.clear()
+            self._rested = None
+            self._begin()
         self._renew()
 
     async def _awaited(self, asked: Any) -> Any:
@@ -224,10 +293,37 @@ class RosBackend(Backend):
             raise ValueError(f"the table did not answer within {PATIENCE:g} s") from None
         return asked.result()
 
-    def _read(self, response: Any) -> Scene:
+    def _begin(self) -> None:
+        # Until the first state of a scene tells more.
+        scene = self._scene
+        self._turning = Turning(scene.names)
+        self._places = [
+            [*at, *quaternion.IDENTITY] if there else None for at, there in zip(scene.positions.tolist(), scene.in_play)
+        ]
+
+    @property
+    def _scene(self) -> Scene:
+        return self._settings.scene
+
+    def _position(self) -> Position:
+        return {name: (at[0], at[1]) for name, at in zip(self._scene.names, self._places) if at is not None}
+
+    def _present(self) -> Scene:
+        # What is on the table, at rest. ValueError: what lies there is no scene, as while balls meet.
+        position = self._position()
+        return dataclasses.replace(
+            self._scene,
+            positions=np.array([position.get(name, (np.nan, np.nan)) for name in self._scene.names]),
+            velocities=np.zeros((len(self._scene), 2)),
+            angular_velocities=np.zeros((len(self._scene), 3)),
+            in_play=np.array([name in position for name in self._scene.names]),
+            shot=None,
+        )
+
+    def _read(self, response: Any) -> parameters.Settings:
         values = {name: parameter_value_to_python(value) for name, value in zip(NAMES, response.values)}
         try:
-            return parameters.read_settings(values).scene
+            return parameters.read_settings(values)
         except ValueError as error:
             raise Failure(f"what listens on cue_shot is not a table that this page can show: {error}") from None
 
@@ -236,12 +332,14 @@ class RosBackend(Backend):
         self.tell(self._table())
 
     def _table(self) -> Message:
-        record = table_record(dataclasses.replace(self._scene, shot=None))
-        by_name = dict(zip(self._scene.names, self._places))
-        for ball in record["balls"]:
-            at = by_name.get(ball["name"])
+        try:
+            record = table_record(self._present())
+        except ValueError:
+            record = {**table_record(dataclasses.replace(self._scene, shot=None)), "link": None}
+        for ball, at in zip(record["balls"], self._places):
             ball["at"] = None if at is None else at[:2]
-        return {"tell": "table", "table": {**record, "revision": self._revision, "undo": 0, "link": None}}
+        told = {"revision": self._revision, "undo": len(self._before), "pace": self._settings.real_time_factor}
+        return {"tell": "table", "table": {**record, **told}}
 
     def _state(self) -> Message:
         return {"tell": "state", "balls": self._places, "at_rest": self._at_rest}
@@ -275,18 +373,20 @@ class RosBackend(Backend):
         if now < self._due - SLACK:
             return
         self._due = max(self._due + FRAME, now)
-        there = dict(zip(message.joint_names, message.transforms))
+        there = {name: index for index, name in enumerate(message.joint_names)}
+        turning = self._turning  # of one scene, whatever the server's thread sets meanwhile
+        turns = None if self._settings.track_orientation else turning.until(message)
         places: Places = []
-        for name in self._scene.names:
-            transform = there.get(name)
-            if transform is None:
+        for name in turning.names:
+            if name not in there:
                 places.append(None)
                 continue
+            transform = message.transforms[there[name]]
             at, turn = transform.translation, transform.rotation
-            places.append([at.x, at.y, turn.x, turn.y, turn.z, turn.w])
+            places.append([at.x, at.y, *(turns[name] if turns else (turn.x, turn.y, turn.z, turn.w))])
         if places != self._told:
             self._told = places
-            self._hand_over(self._take_places, places)
+            self._hand_over(self._take_places, turning.names, places)
 
     # In the server's:
 
@@ -296,10 +396,15 @@ class RosBackend(Backend):
         if future is not None and not future.done():
             future.set_result(answer)
 
-    def _take_places(self, places: Places) -> None:
+    def _take_places(self, names: tuple[str, ...], places: Places) -> None:
+        if names != self._scene.names:
+            return
         renewed = [at is None for at in places] != [at is None for at in self._places] or self._at_rest
         self._places = places
         self.tell(self._state())
+        if self._rested is None:
+            self._note()
+        self._note_soon()
         if renewed and self._at_rest:  # somebody has placed them
             self._renew()
 
@@ -310,7 +415,23 @@ class RosBackend(Backend):
         self.tell(self._state())
         if at_rest:
             self._sum_up_soon()
+            self._note_soon()
             self._renew()
+
+    def _note_soon(self) -> None:
+        if self._noting is not None:
+            self._noting.cancel()
+        self._noting = asyncio.get_running_loop().call_later(QUIET, self._note)
+
+    def _note(self) -> None:
+        # What lay at the last rest can be gone back to, whoever has shot or placed since.
+        position = self._position()
+        if not self._at_rest or not self._told or position == self._rested:
+            return
+        if self._rested is not None:
+            self._before.append(self._rested)
+        self._rested = position
+        self._renew()
 
     def _take_events(self, text: str) -> None:
         events = json.loads(text)["events"]
@@ -351,7 +472,32 @@ class RosBackend(Backend):
             self._executor.spin_once(timeout_sec=0.1)
 
 
-NAMES = ["scene", *parameters.GROUP_QUANTITIES]
+class Turning:
+    """How balls are turned of which the table tells only the spins."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+        self._turns = np.tile(quaternion.IDENTITY, (len(names), 1))
+        self._at: float | None = None
+
+    def until(self, message: MultiDOFJointState) -> Mapping[str, list[float]]:
+        """Quaternions by name, at the time of a state, which comes after the last one."""
+        stamp = message.header.stamp
+        now = stamp.sec + 1e-9 * stamp.nanosec
+        passed = 0.0 if self._at is None else now - self._at
+        self._at = now
+        if 0.0 < passed <= LONGEST_TURN:
+            told = dict(zip(message.joint_names, message.twist))
+            spins = np.zeros((len(self.names), 3))
+            for row, name in zip(spins, self.names):
+                if name in told:
+                    spin = told[name].angular
+                    row[:] = spin.x, spin.y, spin.z
+            self._turns = quaternion.turned(self._turns, spins, passed)
+        return dict(zip(self.names, self._turns.tolist()))
+
+
+NAMES = ["scene", "real_time_factor", "track_orientation", *parameters.GROUP_QUANTITIES]
 """Parameters of the table that the page shows."""
 
 DOES: dict[str, Any] = {
@@ -360,7 +506,11 @@ DOES: dict[str, Any] = {
     "place": RosBackend._place,
     "set": RosBackend._set,
     "effect": RosBackend._effect,
+    "pace": RosBackend._pace,
+    "load": RosBackend._load,
+    "save": RosBackend._save,
     "reset": RosBackend._reset_table,
+    "undo": RosBackend._undo,
     "pause": RosBackend._pause_table,
     "step": RosBackend._step_table,
 }
@@ -372,6 +522,12 @@ def _values(scene: Scene) -> dict[str, float]:
         name: value
         for group in parameters.GROUPS
         for name, value in parameters.group_values(group, getattr(scene, group)).items()
+    }
+
+
+def _lying(scene: Scene) -> Position:
+    return {
+        name: (x, y) for name, (x, y), in_play in zip(scene.names, scene.positions.tolist(), scene.in_play) if in_play
     }
 
 

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """colcon builds the package in a clean workspace, and the node starts from the installed prefix."""
 
+import asyncio
+import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import tornado.websocket
 from conftest import Site
 
 REPOSITORY = Path(__file__).parents[2]
@@ -52,6 +56,16 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return workspace / "install" / "billiards_sim"
 
 
+def menu(address: str) -> Any:
+    """What a page of `play` is told first."""
+
+    async def ask() -> Any:
+        page = await tornado.websocket.websocket_connect(address.replace("http", "ws") + "socket")
+        return json.loads(await page.read_message())
+
+    return asyncio.run(asyncio.wait_for(ask(), 60.0))
+
+
 def test_share_holds_the_configuration_and_the_marker(prefix: Path) -> None:
     share = prefix / "share"
     assert (share / "ament_index/resource_index/packages/billiards_sim").is_file()
@@ -90,6 +104,13 @@ def test_the_table_starts_from_the_prefix_and_takes_a_shot(prefix: Path, site: S
     table.wait_for("ready: scene eight_ball, 16 balls, 100 Hz")
     shoot = site.process(str(executables / "shoot"), "--force", "80", "0", command=sourced, **options)
     assert shoot.wait() == 0, shoot.stderr
+    for scene, live in (((), True), (("nine_ball",), False)):  # on this table, on an engine of its own
+        arguments = str(executables / "play"), *scene, "--no-browser", "--port", "0"
+        play = site.process(*arguments, command=sourced, **options)
+        play.wait_for("(Ctrl-C")
+        assert menu(play.stdout.split()[1])["live"] is live
+        play.signal(signal.SIGINT)
+        assert play.wait() == 0, play.stderr
     table.signal(signal.SIGINT)
     assert table.wait() == 0
 

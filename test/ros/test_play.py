@@ -15,9 +15,13 @@ pytest.importorskip("tornado")
 import numpy as np
 import tornado.websocket
 from conftest import Site
+from geometry_msgs.msg import Point, Pose, PoseArray, Twist
+from sensor_msgs.msg import MultiDOFJointState
 
 import billiards_sim as bs
+from billiards_sim.engine.scene_file import read_scene
 from billiards_sim.play.effects import EFFECTS
+from billiards_sim.play.ros_backend import Turning
 
 SHOT = {"speed": 3.0, "azimuth": 0.3, "side": 0.1, "up": 0.2}
 PATIENCE = 60.0
@@ -130,6 +134,114 @@ def test_balls_are_placed_and_refused_by_the_table_and_reset(site: Site) -> None
         await page.until(there(3, start[3]))
 
     talk(site, about)
+
+
+def lying(index: int, at: Any) -> Callable[[Any], bool]:
+    """Whether a page is told of a table on which a ball lies there."""
+
+    def told(heard: Any) -> bool:
+        return heard.get("tell") == "table" and heard["table"]["balls"][index]["at"] == at
+
+    return told
+
+
+def test_shots_and_placements_are_undone_whoever_made_them(site: Site) -> None:
+    start = bs.scenes.nine_ball().positions.tolist()
+
+    async def about(page: Page) -> None:
+        for _ in range(2):  # what is known without the table, and by its first message
+            await page.until(lambda heard: heard.get("tell") == "state")
+            page.told.clear()
+        assert (await page.ask(do="undo"))["error"] == "there is nothing to undo"
+        await page.ask(do="shoot", shot=SHOT)
+        await page.until(lambda heard: heard.get("tell") == "table" and heard["table"]["undo"] == 1)
+        client = site.client()
+        somewhere = [Pose(position=Point(x=0.5 + 0.1 * ball, y=0.6)) for ball in range(10)]
+        assert client.place(PoseArray(poses=somewhere))["accepted"]
+        await page.until(lambda heard: heard.get("tell") == "table" and heard["table"]["undo"] == 2)
+        page.told.clear()
+        assert "error" not in await page.ask(do="undo")
+        simulation, _ = played(SHOT)
+        at = [at if there else None for at, there in zip(simulation.positions.tolist(), simulation.in_play)]
+        for index in range(10):
+            await page.until(lying(index, at[index]))
+        page.told.clear()
+        assert "error" not in await page.ask(do="undo")
+        await page.until(
+            lambda heard: (
+                heard.get("tell") == "table"
+                and heard["table"]["undo"] == 0
+                and [ball["at"] for ball in heard["table"]["balls"]] == start
+            )
+        )
+
+    talk(site, about)
+
+
+def test_a_position_is_saved_and_loaded_on_the_same_table_alone(site: Site) -> None:
+    async def about(page: Page) -> None:
+        await page.ask(do="place", balls={"3": [0.5, 0.5], "4": None})
+        told = await page.until(lying(3, [0.5, 0.5]))
+        wanted = bs.scenes.nine_ball().positions.tolist()
+        wanted[3] = [0.5, 0.5]
+        saved = await page.ask(do="save")
+        scene = read_scene(saved["text"])
+        assert scene.names[3] == "3"
+        assert scene.in_play.tolist() == [ball != 4 for ball in range(10)]
+        assert scene.positions[scene.in_play].tolist() == [at for ball, at in enumerate(wanted) if ball != 4]
+        assert read_scene(json.dumps(told["table"]["link"])) == scene
+        page.told.clear()
+        await page.ask(do="reset")
+        await page.until(lying(3, bs.scenes.nine_ball().positions[3].tolist()))
+        assert "error" not in await page.ask(do="load", text=saved["text"])
+        await page.until(lying(3, [0.5, 0.5]))
+        await page.until(lying(4, None))
+        for text, wanted_error in (
+            ("balls: [{name: cue, position: [0.5, 0.5]}]", "the file has another table than the one that runs"),
+            ("balls: 3", "balls must be a list"),
+        ):
+            assert wanted_error in (await page.ask(do="load", text=text))["error"]
+
+    talk(site, about)
+
+
+def test_a_shot_is_foreseen_with_and_without_an_effect(site: Site) -> None:
+    async def about(page: Page) -> None:
+        scene = EFFECTS["ball_friction"].switched(bs.scenes.nine_ball(), False)
+        simulation = bs.Simulation(scene)
+        simulation.shoot(**SHOT)
+        simulation.run()
+        answer = await page.ask(do="preview", shot=SHOT, without="ball_friction")
+        assert answer["without"]["end"] == simulation.time
+        assert answer["without"]["end"] != answer["run"]["end"]
+
+    talk(site, about)
+
+
+def test_physics_and_speed_are_chosen_at_rest(site: Site) -> None:
+    async def about(page: Page) -> None:
+        assert "error" not in await page.ask(do="set", physics="paper")
+        await page.until(lambda heard: heard.get("tell") == "table" and heard["table"]["physics"] == "paper")
+        assert "fixed while the node runs" in (await page.ask(do="set", physics="snooker"))["error"]
+        assert "error" not in await page.ask(do="pace", factor=2)
+        told = await page.until(lambda heard: heard.get("tell") == "table" and heard["table"]["pace"] == 2.0)
+        assert told["table"]["physics"] == "paper"
+        assert "real_time_factor" in (await page.ask(do="pace", factor=0))["error"]
+
+    talk(site, about)
+
+
+def test_balls_are_turned_by_their_spins() -> None:
+    turning = Turning(("cue", "1"))
+    state = MultiDOFJointState(joint_names=["1"], twist=[Twist()])
+    state.twist[0].angular.y = 25.0 * np.pi
+    for tick in range(5):  # 0.04 s, half a turn
+        state.header.stamp.sec, state.header.stamp.nanosec = 7, 10_000_000 * tick
+        turns = turning.until(state)
+    assert turns["cue"] == [0.0, 0.0, 0.0, 1.0]
+    assert turns["1"] == pytest.approx([0.0, 1.0, 0.0, 0.0], abs=1e-12)
+    state.header.stamp.sec = 90  # nobody has looked since
+    assert turning.until(state)["1"] == turns["1"]
 
 
 def test_an_effect_is_a_parameter_of_the_table(site: Site) -> None:

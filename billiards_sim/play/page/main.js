@@ -3,8 +3,8 @@
 
 import { Aim } from "./aim.js";
 import { Server, decoded, encoded } from "./link.js";
-import { Turning, placeAt } from "./motion.js";
-import { Balls, Effects, fillChoice } from "./panel.js";
+import { Turning, placeAt, product } from "./motion.js";
+import { Balls, Effects, fillChoice, fillPaces } from "./panel.js";
 import { Player } from "./player.js";
 import { View, withFalls } from "./view.js";
 import { ballName, summary } from "./words.js";
@@ -77,7 +77,7 @@ function showState({ balls: places, at_rest: atRest }) {
   state.table.balls.forEach((ball, index) => {
     const place = places[index];
     ball.at = place && place.slice(0, 2);
-    if (place) turns[ball.name] = place.slice(2);
+    if (place) turns[ball.name] = product(place.slice(2), view.upright);
   });
   if (atRest !== !state.rolling) {
     state.rolling = !atRest;
@@ -93,7 +93,8 @@ function open(given) {
   state.first = false;
   const link = decoded(location.hash.slice(1));
   aimAsGiven(link?.aim ?? given ?? {});
-  const loaded = link?.scene && change({ do: "load", text: JSON.stringify(link.scene) });
+  // balls of a table that runs elsewhere are moved by nobody who opens a page
+  const loaded = !state.menu.live && link?.scene && change({ do: "load", text: JSON.stringify(link.scene) });
   if (loaded) loaded.then(() => aimAsGiven(link.aim ?? given ?? {}));
   else greet();
 }
@@ -135,6 +136,7 @@ function showPanel() {
   fillChoice($("#scene"), menu.scenes, table.scene);
   fillChoice($("#preset-table"), menu.tables, table.table);
   fillChoice($("#preset-physics"), menu.physics, table.physics);
+  if (menu.live) fillPaces($("#pace"), table.pace);
   effects.show(table.effects);
   balls.show(table.balls);
   $("#undo").disabled = !table.undo;
@@ -392,6 +394,7 @@ $("#pause").addEventListener("click", async ({ target }) => {
   const answer = await change({ do: "pause", on });
   if (!answer.error) target.setAttribute("aria-pressed", on);
 });
+$("#pace").addEventListener("change", ({ target }) => change({ do: "pace", factor: Number(target.value) }));
 $("#tick").addEventListener("click", () => change({ do: "step" }));
 $("#reset").addEventListener("click", () => change({ do: "reset" }));
 for (const [selector, key] of [["#scene", "scene"], ["#preset-table", "table"], ["#preset-physics", "physics"]]) {
@@ -437,4 +440,4 @@ new ResizeObserver(() => {
 }).observe(canvas.parentElement);
 
 // for whoever looks at the page from outside: tests, and the console
-window.billiards = { state, aim, player, view };
+window.billiards = { state, aim, player, view, turns };

@@ -110,18 +110,22 @@ function steadily(start, w0, alpha, age, duration) {
   return q;
 }
 
+/** The turn of `earlier`, followed by that of `later`. */
+export function product([ux, uy, uz, uw], [vx, vy, vz, vw]) {
+  return [
+    uw * vx + vw * ux + uy * vz - uz * vy,
+    uw * vy + vw * uy + uz * vx - ux * vz,
+    uw * vz + vw * uz + ux * vy - uy * vx,
+    uw * vw - ux * vx - uy * vy - uz * vz,
+  ];
+}
+
 function rotated([qx, qy, qz, qw], x, y, z) {
   const angle = Math.hypot(x, y, z);
   if (angle === 0) return [qx, qy, qz, qw];
   const scale = Math.sin(0.5 * angle) / angle;
   const c = Math.cos(0.5 * angle);
-  const [sx, sy, sz] = [x * scale, y * scale, z * scale];
-  const q = [
-    c * qx + sx * qw + sy * qz - sz * qy,
-    c * qy + sy * qw + sz * qx - sx * qz,
-    c * qz + sz * qw + sx * qy - sy * qx,
-    c * qw - sx * qx - sy * qy - sz * qz,
-  ];
+  const q = product([x * scale, y * scale, z * scale, c], [qx, qy, qz, qw]);
   const length = Math.hypot(...q);
   return q.map((part) => part / length);
 }

@@ -21,6 +21,17 @@ const NAMES = {
   carom: "Carom",
   paper: "The paper's",
 };
+const PACES = [0.05, 0.25, 1, 2, 4];
+
+/** Fill the choice of how fast a table that runs elsewhere runs. */
+export function fillPaces(select, pace) {
+  const paces = PACES.includes(pace) ? PACES : [...PACES, pace].sort((one, other) => one - other);
+  select.replaceChildren(...paces.map((value) => {
+    const words = value < 1 ? `1/${Number((1 / value).toPrecision(3))}` : value;
+    return element("option", { value }, `${words}×`);
+  }));
+  select.value = pace;
+}
 
 function element(kind, attributes = {}, ...children) {
   const made = document.createElement(kind);
@@ -64,7 +75,7 @@ export class Effects {
     const toggle = element("input", { type: "checkbox", role: "switch", id: `effect-${key}` });
     const figure = element("input", { type: "number", step: "any", "aria-label": `${label}, figure ${unit}` });
     const compare = element("button", {
-      type: "button", class: "small own", "aria-pressed": "false",
+      type: "button", class: "small", "aria-pressed": "false",
       title: `Draw the shot with and without: ${label}`, "aria-label": `Compare with and without: ${label}`,
     }, "Compare");
     toggle.addEventListener("change", () => this.ask({ do: "effect", effect: key, on: toggle.checked }));

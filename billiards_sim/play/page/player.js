@@ -30,7 +30,7 @@ export class Player {
       const at = event.target.closest("button")?.dataset.time;
       if (at !== undefined) this.seek(Number(at));
     });
-    this.controls = [...root.querySelectorAll("button, input")];
+    this.controls = [...root.querySelectorAll("button[data-player], input[data-player]")];
     this.clear();
   }
 

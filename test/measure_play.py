@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the table in the browser costs and stands: the figures of docs/play.md.
 
-python test/play/measure.py [start] [preview] [frames] [processor] [flood] [ros] [--seconds 10] [--rate 1000]
+python test/measure_play.py [start] [preview] [frames] [processor] [flood] [ros] [--seconds 10] [--rate 1000]
 
 Needs a browser, which runs without a screen and without a graphics processor, and playwright; `ros` needs rclpy. Each
 part starts servers of its own on this machine and prints one line of JSON. Exit code 1: a figure is out of its bounds;
@@ -28,8 +28,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Page, sync_playwright
-from test_browser import BROWSER, OPTIONS
+from browser import launched
+from playwright.sync_api import Page
 
 from billiards_sim.play.server import MOST_BYTES
 
@@ -396,13 +396,11 @@ def main() -> int:
     parser.add_argument("--rate", type=float, default=1000.0, help="of the flood, messages a second")
     options = parser.parse_args()
     bad = False
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
+    with launched() as browser:
         for name in options.parts or PARTS:
             figures, broken = PARTS[name](browser, options)
             print(json.dumps({"part": name, **figures, "load": os.getloadavg()[0], "broken": broken}), flush=True)
             bad |= bool(broken)
-        browser.close()
     return int(bad)
 
 
