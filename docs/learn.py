@@ -1,62 +1,83 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learns sum to three from nothing, and draws how: REINFORCE with a baseline (Williams, Machine Learning 8, 1992).
+"""Learns from nothing to score with one shot from anywhere, and draws how: to pot a ball, or sum to three.
 
-A network with two layers says of a position what action is meant, how much is tried around it, and what reward to
-expect. What brought more than that becomes more probable.
+A network says of a position how probable it is to score, for each of some aims and speeds. It is fitted to what came of
+shots that were tried, by logistic regression; the more a shot promises, the more often it is tried (Boltzmann
+exploration: Sutton and Barto, Reinforcement Learning, 2018). What is learnt is the one that promises most.
+
+A table looks the same in a mirror along each of its axes: the other ball is always taken to lie in the same quarter.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+import billiards_sim as bs
 import billiards_sim.gym  # noqa: F401
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 TABLES = 512
-HIDDEN = 64
-ACTIONS = 4
-LEAST_SPREAD = 0.03
-"""Of actions: below it, little new would be tried."""
+HIDDEN = 128
+LEARNING_RATE = 5e-3
+"""At first; it falls to 0 on a straight line."""
 
-LEARNING_RATE = 1e-3
-CURIOSITY = 0.01
-"""Reward of a spread that grows by e."""
+LAST_ZEAL = 12.0
+"""What a probability is multiplied with in the exponent of how often a shot is tried. It grows from 0, where all are
+tried as often, until `ZEAL_GROWS` of the updates are made."""
+ZEAL_GROWS = 0.7
 
-LOOK_EVERY = 20
-"""Updates between two looks at how well it plays without trying around."""
+LOOKS = 30
+"""At how well it plays what it takes for best, on the way."""
+LOOK_STEPS = 8
+"""Of all tables, for one look."""
+
+
+class Task(NamedTuple):
+    """What is learnt, and among which shots."""
+
+    title: str
+    environment: str
+    options: dict[str, Any]
+    aims: int  # so many from one edge of the other ball to the other
+    speeds: tuple[float, ...]  # as in actions
+    updates: int  # of the network, each after a shot at every table
+
+
+TASKS = {
+    "pot": Task("Pot a ball, 9 ft pool table", "Pool", {"balls": 1}, 41, (0.3,), 6000),
+    "sum_to_three": Task("Sum to three", "SumToThree", {"random_start": True}, 15, tuple(np.linspace(-1, 1, 9)), 800),
+}
 
 
 class Network:
     """Two layers of tanh; Adam (Kingma and Ba, 2015) follows the gradient."""
 
-    def __init__(self, inputs: int, random: np.random.Generator) -> None:
-        sizes = [inputs, HIDDEN, HIDDEN, 2 * ACTIONS + 1]
-        self.weights = [random.standard_normal(shape) / np.sqrt(shape[0]) for shape in zip(sizes, sizes[1:])]
+    def __init__(self, inputs: int, outputs: int, random: np.random.Generator) -> None:
+        sizes = [inputs, HIDDEN, HIDDEN, outputs]
+        self.weights = [self._matrix(random, shape) for shape in zip(sizes, sizes[1:])]
         self.weights[-1] *= 0.1
-        self.biases = [np.zeros(size) for size in sizes[1:]]
+        self.biases = [np.zeros(size, np.float32) for size in sizes[1:]]
         self._means = [np.zeros_like(part) for part in self.weights + self.biases]
         self._squares = [np.zeros_like(part) for part in self.weights + self.biases]
         self._steps = 0
 
-    def __call__(self, positions: Array) -> tuple[Array, Array, Array]:
-        """(M, 4) what is meant, (M, 4) the logarithm of the spread, (M,) what reward is expected."""
+    def __call__(self, positions: Array) -> Array:
+        """(M, outputs): probabilities."""
         self.layers = [positions]
         for weights, biases in zip(self.weights[:-1], self.biases[:-1]):
             self.layers.append(np.tanh(self.layers[-1] @ weights + biases))
-        out = self.layers[-1] @ self.weights[-1] + self.biases[-1]
-        spread = np.clip(out[:, ACTIONS:-1] - 1.0, np.log(LEAST_SPREAD), 0.0)
-        return np.tanh(out[:, :ACTIONS]), spread, out[:, -1]
+        return 1.0 / (1.0 + np.exp(-(self.layers[-1] @ self.weights[-1] + self.biases[-1])))  # type: ignore[no-any-return]
 
-    def climb(self, gradient: Array) -> None:
-        """Go uphill, with the gradient (M, 9) by the outputs of the last call."""
+    def climb(self, gradient: Array, rate: float) -> None:
+        """Go uphill, with the gradient (M, outputs) by the logits of the last call."""
         by_weights: list[Array] = []
         by_biases: list[Array] = []
         for layer, weights in zip(self.layers[::-1], self.weights[::-1]):
@@ -69,66 +90,143 @@ class Network:
         ):
             mean += 0.1 * (by - mean)
             square += 0.01 * (by**2 - square)
-            part += (
-                LEARNING_RATE * (mean / (1.0 - 0.9**self._steps)) / (np.sqrt(square / (1.0 - 0.99**self._steps)) + 1e-8)
-            )
+            part += rate * (mean / (1.0 - 0.9**self._steps)) / (np.sqrt(square / (1.0 - 0.99**self._steps)) + 1e-8)
+
+    @staticmethod
+    def _matrix(random: np.random.Generator, shape: tuple[int, int]) -> Array:
+        return (random.standard_normal(shape) / np.sqrt(shape[0])).astype(np.float32)
 
 
-def learn(updates: int, seed: int) -> tuple[list[int], list[float], float]:
-    """Number of shots at each look, share of them that score then, and that of random actions."""
-    envs = gymnasium.make_vec(
-        "billiards_sim/SumToThree-v0", TABLES, max_episode_steps=1, autoreset_mode="SameStep", random_start=True
-    )
-    random = np.random.default_rng(seed)
-    seen, _ = envs.reset(seed=seed)
-    seen, rewards, *_ = envs.step(random.uniform(-1.0, 1.0, (TABLES, ACTIONS)))
-    by_chance = float(rewards.mean())
-    network = Network(4, random)
-    shots, scores = [], []
-    for update in tqdm(range(updates + 1), unit="update", disable=None):
-        if update % LOOK_EVERY == 0:
-            seen, rewards, *_ = envs.step(network(_positions(seen))[0])
-            shots.append(update * TABLES)
-            scores.append(float(rewards.mean()))
-        meant, spread, expected = network(_positions(seen))
-        errors = random.standard_normal(meant.shape)
-        seen, rewards, *_ = envs.step(np.clip(meant + np.exp(spread) * errors, -1.0, 1.0))
-        surprise = rewards - expected
-        gain = ((surprise - surprise.mean()) / (surprise.std() + 1e-8))[:, np.newaxis]
-        by_meant = gain * errors / np.exp(spread) * (1.0 - meant**2)
-        by_spread = gain * (errors**2 - 1.0) + CURIOSITY
-        network.climb(np.column_stack((by_meant, by_spread, 2.0 * surprise)) / TABLES)
-    return shots, scores, by_chance
+class Play:
+    """Games of one shot at many tables.
+
+    Attributes:
+        seen: (TABLES, 6), the observations.
+        aims, speeds: what a shot is chosen from, as in actions; a choice is an index into them, flattened.
+    """
+
+    def __init__(self, task: Task, seed: int) -> None:
+        self._envs = gymnasium.make_vec(
+            f"billiards_sim/{task.environment}-v0",
+            TABLES,
+            max_episode_steps=1,
+            autoreset_mode="SameStep",
+            **task.options,
+        )
+        self.seen, _ = self._envs.reset(seed=seed)
+        self._envs.action_space.seed(seed)
+        self.aims, self.speeds = np.meshgrid(2.0 * (np.arange(task.aims) + 0.5) / task.aims - 1.0, task.speeds)
+
+    def positions(self) -> tuple[Array, Array]:
+        """(TABLES, 7) what the network sees, and (TABLES,) -1 where it sees a mirror image, else 1."""
+        places = self.seen.reshape(TABLES, 2, 3)[..., :2] * (2.0, 1.0)  # a table is twice as long as it is wide
+        mirror = np.where(places[:, 1] < 0.0, -1.0, 1.0)
+        cue, other = (places * mirror[:, np.newaxis]).swapaxes(0, 1)
+        away = np.linalg.norm(other - cue, axis=1, keepdims=True)
+        columns = (cue, 2.0 * other - 1.0, (other - cue) / away, away - 1.0)
+        return np.column_stack(columns).astype(np.float32), mirror.prod(axis=1)
+
+    def shoot(self, choices: Array, mirrored: Array) -> Array:
+        """(TABLES,) which of these choices, one a table, scored."""
+        actions = np.zeros((TABLES, 4))
+        actions[:, 0] = self.aims.ravel()[choices] * mirrored
+        actions[:, 1] = self.speeds.ravel()[choices]
+        return self.act(actions)
+
+    def act(self, actions: Array) -> Array:
+        """(TABLES,) which of these actions, one a table, scored."""
+        self.seen, rewards, *_ = self._envs.step(actions)
+        return np.asarray(rewards > 0.0)
+
+    def by_chance(self) -> float:
+        """Share of random actions that score."""
+        return float(np.mean([self.act(self._envs.action_space.sample()) for _ in range(LOOK_STEPS)]))
+
+    def by_geometry(self) -> float:
+        """Share of shots at the ghost ball that score, at the speed that the network has."""
+        scored = []
+        for _ in range(LOOK_STEPS):
+            actions = np.zeros((TABLES, 4))
+            actions[:, 0] = [ghost_ball(seen) for seen in self.seen]
+            actions[:, 1] = self.speeds[0, 0]
+            scored.append(self.act(actions))
+        return float(np.mean(scored))
+
+    def by(self, network: Network) -> float:
+        """Share of the network's best shots that score."""
+        scored = []
+        for _ in range(LOOK_STEPS):
+            positions, mirrored = self.positions()
+            scored.append(self.shoot(network(positions).argmax(axis=1), mirrored))
+        return float(np.mean(scored))
 
 
-def _positions(seen: Array) -> Array:
-    # Both balls are always in play, which tells nothing.
-    return seen.reshape(TABLES, 2, 3)[..., :2].reshape(TABLES, 4).astype(np.float64)
+def ghost_ball(seen: Array) -> float:
+    """Where an action has to aim to pot a ball, by geometry alone: to come to where the ghost ball is, two radii behind
+    the ball on the line to the pocket that forgives most. Full, where there is no way."""
+    table, physics = bs.Table.pool_9ft(), bs.Physics.pool()
+    reach = 0.5 * np.array([table.length, table.width]) + table.jaw_depth
+    places = np.array(table.centre) + seen.reshape(2, 3)[:, :2] * reach
+    scene = bs.Scene(places, names=("cue", "1"), table=table, physics=physics)
+    ways = bs.goals.pocket(scene).directions(scene)
+    if not ways:
+        return 0.0
+    x, y = places[1] - places[0]
+    return float(np.clip(np.sin(ways[0].azimuth - np.arctan2(y, x)) * np.hypot(x, y) / (2.0 * physics.radius), -1, 1))
 
 
-def draw(shots: list[int], scores: list[float], by_chance: float, path: Path) -> None:
+def learn(task: Task, updates: int, seed: int) -> tuple[list[int], list[float], dict[str, float]]:
+    """Number of shots at each look, share that score then, and what others score."""
+    random, play = np.random.default_rng(seed), Play(task, seed)
+    others = {"random actions": play.by_chance()}
+    if task.environment == "Pool":
+        others["ghost ball"] = play.by_geometry()
+    positions, _ = play.positions()
+    network = Network(positions.shape[1], play.aims.size, random)
+    rows = np.arange(TABLES)
+    shots, scores = [0], [play.by(network)]
+    for update in tqdm(range(updates), unit="update", disable=None):
+        positions, mirrored = play.positions()
+        promised = network(positions)
+        zeal = LAST_ZEAL * min(update / (ZEAL_GROWS * updates), 1.0)
+        tried = np.exp(zeal * promised).cumsum(axis=1)
+        choices = (tried < tried[:, -1:] * random.random((TABLES, 1))).sum(axis=1)
+        gradient = np.zeros_like(promised)
+        gradient[rows, choices] = (play.shoot(choices, mirrored) - promised[rows, choices]) / TABLES
+        network.climb(gradient, LEARNING_RATE * (1.0 - update / updates))
+        if (update + 1) * LOOKS // updates > update * LOOKS // updates:
+            shots.append((update + 1) * TABLES)
+            scores.append(play.by(network))
+    return shots, scores, others
+
+
+def draw(title: str, shots: list[int], scores: list[float], others: dict[str, float], path: Path) -> None:
     """The curve."""
     figure = Figure(figsize=(8.0, 4.5), layout="constrained")
     axes = figure.subplots()
-    axes.plot(np.array(shots) / 1000.0, scores, color="tab:blue", label="what is learnt")
-    axes.axhline(by_chance, color="0.5", linestyle="--", label="random actions")
-    axes.set(xlabel="shots (thousands)", ylabel="share that score", ylim=(0.0, 1.0), title="Sum to three, one shot")
+    axes.plot(np.array(shots) / 1e6, scores, color="tab:blue", label="what is learnt")
+    for (name, score), style in zip(others.items(), ("--", ":")):
+        axes.axhline(score, color="0.4", linestyle=style, label=name)
+    axes.set(xlabel="shots (millions)", ylabel="share that score", ylim=(0.0, 1.0), title=title)
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper left")
+    figure.legend(loc="outside lower center", ncols=3)
     figure.savefig(path, dpi=110)
 
 
 def main() -> None:
     """Learn, draw, say how well it went."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--updates", type=int, default=600, help=f"of the network, {TABLES} shots each (600)")
+    parser.add_argument("task", choices=TASKS, nargs="?", default="pot")
+    parser.add_argument("--updates", type=int, help=f"of the network, {TABLES} shots each")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--plot", type=Path, default=Path("docs/learn.png"), metavar="F.png")
+    parser.add_argument("--plot", type=Path, metavar="F.png", help="default: docs/learn_TASK.png")
     options = parser.parse_args()
-    shots, scores, by_chance = learn(options.updates, options.seed)
-    draw(shots, scores, by_chance, options.plot)
-    print(f"random shots score {by_chance:.2f}, those of the network {scores[0]:.2f} at first and ", end="")
-    print(f"{np.mean(scores[-5:]):.2f} after {shots[-1]} shots")
+    task = TASKS[options.task]
+    shots, scores, others = learn(task, options.updates or task.updates, options.seed)
+    draw(task.title, shots, scores, others, options.plot or Path(f"docs/learn_{options.task}.png"))
+    for name, score in others.items():
+        print(f"{name}: {score:.2f} score")
+    print(f"the network: {scores[0]:.2f} at first, {np.mean(scores[-5:]):.2f} after {shots[-1]} shots")
 
 
 if __name__ == "__main__":

@@ -44,9 +44,9 @@ ROLLOUT_NOTE = """Shots a second of `bs.rollout`, to rest, medians: what the ker
 every core, measured in turn, so that the first ratio holds on a busy machine as well. Of another engine: breaks for
 5 s, one after the other."""
 
-ENVIRONMENT_NOTE = """Shots a second of environments with two balls, random actions, to rest; tables that step
-together share a rollout on one thread. By the clock, which other programs slow down, and by the time that a core was
-spent on it."""
+ENVIRONMENT_NOTE = """Shots a second of environments with two balls, random actions, to rest; tables that step together
+share a rollout on one thread. By the clock, which other programs slow down, and by the time that a core was spent on
+it."""
 
 BREAK_NOTE = """Breaks at 8 m/s with every effect of pool, aimed up to 14 mm beside the middle, to rest: the median over
 aims of how far the median ball of the 15 ends from where it lay, and what a break costs. Racks 50 ms after the hit:"""

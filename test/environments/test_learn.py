@@ -32,11 +32,12 @@ def test_the_examples_of_the_environment_run() -> None:
     assert done.stdout == "(64,)\n", done.stderr
 
 
-@pytest.mark.skipif(not bs.compile(), reason="a hundred thousand shots take minutes where the engine is interpreted")
-def test_what_is_learnt_scores_more_often_than_at_first(tmp_path: Path) -> None:
+@pytest.mark.skipif(not bs.compile(), reason="as many shots take minutes where the engine is interpreted")
+@pytest.mark.parametrize(("task", "updates"), [("pot", 800), ("sum_to_three", 100)])
+def test_what_is_learnt_scores_more_often_than_at_first(task: str, updates: int, tmp_path: Path) -> None:
     picture = tmp_path / "learn.png"
     done = subprocess.run(
-        [sys.executable, "docs/learn.py", "--updates", "240", "--plot", str(picture)],
+        [sys.executable, "docs/learn.py", task, "--updates", str(updates), "--plot", str(picture)],
         cwd=REPOSITORY,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # it may have a core for itself alone
         capture_output=True,
@@ -44,8 +45,9 @@ def test_what_is_learnt_scores_more_often_than_at_first(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    by_chance, first, last = map(float, re.findall(r"0\.\d+", done.stdout))
-    assert first > by_chance
-    assert last > first + 0.1
-    assert f"after {240 * 512} shots" in done.stdout
+    by_chance, *by_geometry, first, last = map(float, re.findall(r"0\.\d+", done.stdout))
+    assert last > max(by_chance, first) + 0.1
+    assert all(score > 4.0 * by_chance for score in by_geometry)
+    assert len(by_geometry) == (task == "pot")
+    assert f"after {updates * 512} shots" in done.stdout
     assert picture.stat().st_size > 10_000
