@@ -15,7 +15,7 @@ from checks import COMPILED
 import billiards_sim as bs
 from billiards_sim.engine import machine
 from billiards_sim.engine.elastic import CONTACT_STEPS, damping, duration_factor, stiffness_of
-from billiards_sim.engine.tables import set_fields
+from billiards_sim.engine.tables import column, set_fields
 
 ICE = 1e-9
 """Friction of the cloth that does nothing while balls press each other."""
@@ -210,6 +210,22 @@ def test_each_contact_is_logged_once_with_its_whole_impulse() -> None:
     found = np.array([gained[name] for name in simulation.start_scene.names]) / mass
     found[0] += start
     assert found == pytest.approx(simulation.velocities, abs=1e-7)  # but for the cloth
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "side", "up"),
+    [
+        (0.04660455096995052, -0.2764628976961739, -0.2597495675842461),
+        (0.04544198675394673, -0.29179908205278565, -0.22133849911143988),
+    ],
+)
+def test_a_ball_that_just_touches_those_that_press_each_other_does_not_hold_them_up(
+    azimuth: float, side: float, up: float
+) -> None:
+    simulation = bs.Simulation(bs.scenes.rack(physics=bs.Physics.pool()))
+    simulation.shoot(8.0, azimuth, side=side, up=up)
+    simulation.advance(0.16)  # the cue ball meets the rack at 0.152 s
+    assert column(simulation._now.state.clock, "passes")[0] < 2000
 
 
 def test_balls_rest_apart_after_all() -> None:

@@ -65,10 +65,16 @@ def begin_touch(state: State, constants: Constants, i: int, j: int, now: float, 
     """Let ball i and ball j, or feature -1 - j, which meet now, press each other.
 
     Unless they do so already, or do not meet: where an island has gone on without a new prediction of others, what was
-    predicted of its balls may be wrong.
+    predicted of its balls may be wrong. Within a step a parabola has not quite the island's velocity: balls that touch
+    to within LEAST_DEPTH press each other whether they approach at this instant or not.
     """
-    if approach <= constants.least_approach or is_touching(state, i, j) or _is_off(state, constants, i, j):
+    approaches = approach > constants.least_approach
+    if is_touching(state, i, j) or (j < 0 and not approaches):
         return
+    if j >= 0:
+        depth = _overlap(state, constants, i, j)
+        if depth < -OFF_BY or (not approaches and abs(depth) > LEAST_DEPTH):
+            return
     release_ball(state, i)
     if j >= 0:
         release_ball(state, j)
@@ -80,12 +86,9 @@ def begin_touch(state: State, constants: Constants, i: int, j: int, now: float, 
 
 
 @kernel
-def _is_off(state: State, constants: Constants, i: int, j: int) -> bool:
-    # Whether balls i and j are further apart than a parabola may be off within a step.
-    if j < 0:
-        return False
+def _overlap(state: State, constants: Constants, i: int, j: int) -> float:
     dx, dy = state.balls[i].x - state.balls[j].x, state.balls[i].y - state.balls[j].y
-    return math.sqrt(dx * dx + dy * dy) - 2.0 * constants.radius > OFF_BY
+    return 2.0 * constants.radius - math.sqrt(dx * dx + dy * dy)
 
 
 @kernel

@@ -55,7 +55,7 @@ def add_touch(state: State, constants: Constants, i: int, j: int) -> Touch:
     _enter(state, i)
     if j >= 0:
         _enter(state, j)
-    touch.approach = -opening_of(state, touch)
+    touch.approach = max(-opening_of(state, touch), 0.0)
     touch.normal_x, touch.normal_y = direction_of(state, touch)
     along, over = _slip(state, touch, touch.normal_x, touch.normal_y, constants)
     slip = math.sqrt(along * along + over * over)
