@@ -86,13 +86,18 @@ class StallError(RuntimeError):
             super().__init__(f"{reason}; {path} reproduces it")
 
 
+def comes_to_rest(physics: Physics) -> bool:
+    """Whether friction brings every ball to rest."""
+    return 0.0 not in (physics.sliding_friction, physics.rolling_friction)
+
+
 def check_comes_to_rest(physics: Physics) -> None:
     """Whether friction brings every ball to rest.
 
     Raises:
         ValueError: it does not, so that a run needs a time `until`.
     """
-    if 0.0 in (physics.sliding_friction, physics.rolling_friction):
+    if not comes_to_rest(physics):
         raise ValueError(
             f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
             f"{physics.rolling_friction:g}: give a time `until`"
@@ -431,7 +436,7 @@ class Simulation:
                 balls to rest; `budget` is negative or no finite number.
         """
         if until is None:
-            if self._moves:
+            if not comes_to_rest(self._scene.physics) and self._moves:
                 check_comes_to_rest(self._scene.physics)
             played = self._play(INF, budget, recorder)
             asked, rest = self._now.at_rest_since() if played else (0.0, 0.0)

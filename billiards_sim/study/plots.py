@@ -16,7 +16,7 @@ from matplotlib.patches import Circle, PathPatch, Polygon, Rectangle
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
 
-from billiards_sim.colours import DISC, HOLE, STRIPE, WOOD, ball_colour, is_plain, is_striped
+from billiards_sim.colours import DISC, HOLE, STRIPE, WHITE, WOOD, ball_colour, is_plain, is_striped
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.table import Table
 from billiards_sim.outline import outline
@@ -29,6 +29,9 @@ CLOTH = (0.55, 0.76, 0.66)
 
 RUBBER = (0.43, 0.66, 0.56)
 """Of cushions, likewise."""
+
+BLACK = (0.0, 0.0, 0.0)
+"""The edge of a ball on the cloth; that of one in a hole is white."""
 
 WIDTH = 11.0
 """in. Width of a picture; its height follows the table's, between `HEIGHTS`."""
@@ -66,8 +69,9 @@ def draw_run(recording: Recording, path: Path, title: str = "") -> None:
     draw_paths(axes, recording, fallen)
     _draw_contacts(axes, recording.events)
     for index in np.flatnonzero(scene.in_play).tolist():
-        position = fallen[index].place if index in fallen else recording.end.positions[index]
-        draw_ball(axes, position, scene.physics.radius, scene.names[index])
+        fell = index in fallen
+        position = fallen[index].place if fell else recording.end.positions[index]
+        draw_ball(axes, position, scene.physics.radius, scene.names[index], WHITE if fell else BLACK)
     axes.set_title(title)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
@@ -93,12 +97,12 @@ def draw_table(axes: Axes, table: Table) -> None:
     axes.set_aspect("equal")
 
 
-def draw_ball(axes: Axes, centre: Array, radius: float, name: str) -> None:
-    """A pool ball with its number up."""
+def draw_ball(axes: Axes, centre: Array, radius: float, name: str, edge: tuple[float, float, float] = BLACK) -> None:
+    """A pool ball with its number up, and an edge of a colour."""
     x, y = centre.tolist()
     striped = is_striped(name)
     face = (1.0, 1.0, 1.0) if striped else ball_colour(name)
-    ball = Circle((x, y), radius, facecolor=face, edgecolor="black", linewidth=0.6, zorder=5)
+    ball = Circle((x, y), radius, facecolor=face, edgecolor=edge, linewidth=0.6, zorder=5)
     axes.add_patch(ball)
     if striped:
         corner = (x - radius, y - STRIPE * radius)
