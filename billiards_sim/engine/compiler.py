@@ -18,7 +18,7 @@ from numba.extending import intrinsic, register_jitable
 from numba.np.arrayobj import populate_array
 
 from billiards_sim.engine.kernels.entries import ENTRIES
-from billiards_sim.engine.kernels.kernel import KERNELS
+from billiards_sim.engine.kernels.kernel import INLINED, KERNELS
 from billiards_sim.engine.tables import record_layout, record_types
 
 OPTIONS = {"_nrt": False}
@@ -32,7 +32,8 @@ SCALARS = {float: T.float64, int: T.int64, type(None): T.void}
 def dispatchers() -> dict[str, Any]:
     """The entries as functions that Numba has compiled, by name."""
     for function in KERNELS:
-        register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+        options = {**OPTIONS, "forceinline": function in INLINED}
+        register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
     return {name: _compiled(function) for name, function in ENTRIES.items()}
 
 

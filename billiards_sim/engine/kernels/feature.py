@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from .detection import TOUCH, contact_time, rail_contact_time
-from .kernel import kernel
+from .kernel import inlined, kernel
 from .state import ARC, INF, LINE, NOBODY, PARTS, RAILS, Ball, Constants, Feature, State
 
 OVERRUN = 1e-12
@@ -128,22 +128,44 @@ def _is_beside(feature: Feature, x: float, y: float, reach: float) -> bool:
     return feature.near - reach <= away <= feature.far + reach
 
 
-@kernel
+@inlined
 def predict_feature(state: State, constants: Constants, ball: Ball) -> None:
     """Find the next contact of a ball with what stands on the table, from its anchor on."""
-    time, ball.feature = first_contact(
-        state,
-        ball.x,
-        ball.y,
-        ball.vx,
-        ball.vy,
-        ball.ax,
-        ball.ay,
-        ball.held_at,
-        ball.phase_end - ball.time,
-        constants.least_approach,
-    )
+    if len(state.features) == RAILS:
+        time, ball.feature = _first_nose(state, constants, ball)
+    else:
+        time, ball.feature = first_contact(
+            state,
+            ball.x,
+            ball.y,
+            ball.vx,
+            ball.vy,
+            ball.ax,
+            ball.ay,
+            ball.held_at,
+            ball.phase_end - ball.time,
+            constants.least_approach,
+        )
     ball.feature_time = ball.time + time
+
+
+@inlined
+def _first_nose(state: State, constants: Constants, ball: Ball) -> tuple[float, int]:
+    # When a ball meets a rail of a table without pockets, s from its anchor, and which one; INF and NOBODY if none.
+    best = INF
+    first = NOBODY
+    for k in range(RAILS):
+        feature = state.features[k]
+        speed = -(ball.vx * feature.normal_x + ball.vy * feature.normal_y)
+        acceleration = -(ball.ax * feature.normal_x + ball.ay * feature.normal_y)
+        if (speed == 0.0 and acceleration == 0.0) or is_held_at(ball, k):
+            continue
+        distance = feature.offset + ball.x * feature.normal_x + ball.y * feature.normal_y
+        time = rail_contact_time(distance, speed, acceleration, constants.least_approach)
+        if time < best:
+            best = time
+            first = k
+    return best, first
 
 
 @kernel

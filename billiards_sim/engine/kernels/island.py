@@ -7,7 +7,7 @@ import math
 
 from .cells import first_neighbour, next_neighbour
 from .detection import TOUCH
-from .feature import is_held_at, is_touched, pocket_at
+from .feature import is_clear, is_held_at, is_touched, pocket_at
 from .kernel import kernel
 from .motion import place_at
 from .state import LISTED, NOBODY, PARTS, QUEUED, RAILS, Constants, State
@@ -127,12 +127,8 @@ def gather_cluster(state: State, constants: Constants, start: int, now: float) -
         done += 1
         balls[i].member = LISTED
         x, y = place_at(balls[i], now)
-        for k in range(RAILS):
-            if is_touched(state, k, x, y, TOUCH):
-                _list(state, impacts, i, -1 - k)
-                impacts += 1
-        if len(state.features) > RAILS:
-            impacts = _list_parts(state, impacts, i, x, y)
+        if not is_clear(state, x, y, 2.0 * TOUCH):
+            impacts = _list_features(state, impacts, i, x, y)
         j = first_neighbour(state, constants, i)
         while j != NOBODY:
             if balls[j].member != LISTED and _in_touch(state, constants, i, j, x, y, now):
@@ -146,8 +142,12 @@ def gather_cluster(state: State, constants: Constants, start: int, now: float) -
 
 
 @kernel
-def _list_parts(state: State, impacts: int, i: int, x: float, y: float) -> int:
-    # Of the pocket in whose opening ball i is, at (x, y); returns the number of all contacts.
+def _list_features(state: State, impacts: int, i: int, x: float, y: float) -> int:
+    # Rails, and parts of the pocket in whose opening ball i is, at (x, y); returns the number of all contacts.
+    for k in range(RAILS):
+        if is_touched(state, k, x, y, TOUCH):
+            _list(state, impacts, i, -1 - k)
+            impacts += 1
     part = pocket_at(state, x, y, TOUCH)
     if part != NOBODY:
         for k in range(part, part + PARTS - 1):  # the last one is the mouth

@@ -16,8 +16,21 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 KERNELS: list[Callable[..., Any]] = []
 """All there are, so that a compiler knows them."""
 
+INLINED: set[Callable[..., Any]] = set()
+"""Those of them that machine code has in place of each call."""
+
 
 def kernel(function: Function) -> Function:
     """Mark a function as a kernel."""
     KERNELS.append(function)
     return function
+
+
+def inlined(function: Function) -> Function:
+    """Mark a function as a kernel that machine code has in place of each call.
+
+    For what every event calls, from one place: a call hands over each table with its length, some 80 numbers. Where
+    there are many calls the code grows, and compiling takes far longer.
+    """
+    INLINED.add(function)
+    return kernel(function)
