@@ -16,7 +16,6 @@ import json
 import math
 import multiprocessing
 import os
-import signal
 import struct
 import subprocess
 import sys
@@ -79,7 +78,7 @@ def serving(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
         assert process.stdout is not None
         yield process, process.stdout.readline().split()[1]
     finally:
-        process.send_signal(signal.SIGINT)
+        process.terminate()
         process.wait(30.0)
 
 

@@ -154,20 +154,51 @@ class Run:
         return self.scene.names.index(ball)
 
     def _path_times(self, ball: int, stops: Array) -> Array:
-        # (K,) the stops, (S,), and what is needed between two of them, after the largest acceleration there.
+        # (K,) the stops, (S,), and what is needed between two of them.
         first, last = self._first[ball : ball + 2]
+        began, sizes = self._times[first:last], np.hypot(*self._accelerations[first:last].T)
         begin, end = stops[:-1], stops[1:]
-        began = self._times[first:last]
         low = np.searchsorted(began, self._inner(begin), "right") - 1
         high = np.searchsorted(began, self._inner(end), "left")
-        sizes = np.append(np.hypot(*self._accelerations[first:last].T), 0.0)
-        largest = np.maximum.reduceat(sizes, np.column_stack((low, high)).ravel())[::2]
-        parts = np.maximum(np.ceil((end - begin) * np.sqrt(largest / (8.0 * CHORD))), 1.0).astype(np.intp)
+        acceleration = sizes[low]
+        through = np.flatnonzero(high - low > 1)
+        if len(through):
+            lines = [
+                line
+                for one in through.tolist()
+                for line in self._lines(first + low[one], first + high[one], *stops[one : one + 2].tolist())
+            ]
+            kept = np.column_stack((begin, end, acceleration))[high - low <= 1]
+            begin, end, acceleration = np.array(sorted([*map(tuple, kept.tolist()), *lines])).T
+        parts = np.maximum(np.ceil((end - begin) * np.sqrt(acceleration / (8.0 * CHORD))), 1.0).astype(np.intp)
         part = np.arange(1, parts.sum() + 1) - np.repeat(np.cumsum(parts) - parts, parts)  # 1, 2 .. in each stretch
         stretch = np.repeat(np.arange(len(parts)), parts)
         share = part / parts[stretch]
         between = np.where(share < 1.0, begin[stretch] + (end - begin)[stretch] * share, end[stretch])
         return np.append(stops[0], between)
+
+    def _lines(self, low: int, high: int, begin: float, end: float) -> list[tuple[float, float, float]]:
+        # From when to when there is an arc of its own, with its acceleration, or a single line through several, 0,
+        # where a ball goes through hundreds, as in touch with another. On a line of duration T on which the velocity
+        # changes by A in all, the ball stays within A T/4.
+        velocities, accelerations = self._velocities[low:high], self._accelerations[low:high]
+        began = self._times[low:high] + self._epoch
+        times = np.array([begin, *np.clip(began[1:], begin, end).tolist(), end])
+        sizes = np.hypot(*accelerations.T)
+        left = velocities[:-1] + accelerations[:-1] * (began[1:] - began[:-1])[:, np.newaxis]
+        jumps = [0.0, *np.hypot(*(velocities[1:] - left).T).tolist()]
+        lines: list[tuple[float, float, float]] = []
+        since, change, alone = begin, 0.0, 0.0
+        steps = zip(times.tolist(), times[1:].tolist(), jumps, (sizes * np.diff(times)).tolist(), sizes.tolist())
+        for start, stop, jump, gain, size in steps:
+            change += jump
+            if stop == start:
+                continue
+            if start > since and (stop - since) * (change + gain) > 4.0 * CHORD:
+                lines.append((since, start, alone))
+                since, change = start, 0.0
+            change, alone = change + gain, size if start == since else 0.0
+        return [*lines, (since, end, alone)]
 
     def _arcs(self, times: ArrayLike) -> tuple[Indices, Array]:
         # (T, N) the arcs that the balls are on at times, and (T, N, 1) s since these began.

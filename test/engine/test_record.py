@@ -53,7 +53,22 @@ def late_break() -> bs.Simulation:
     return simulation
 
 
-STARTS: tuple[Callable[[], bs.Simulation], ...] = (broken_rack, pressed_row, on_their_way, many_balls, late_break)
+def elastic_break() -> bs.Simulation:
+    """Balls in touch go through a hundred arcs of some microseconds each; long after the start, too."""
+    simulation = bs.Simulation(bs.scenes.eight_ball())
+    simulation.advance(1e5 + 1.0 / 3.0)
+    simulation.shoot(8.0, 0.01)
+    return simulation
+
+
+STARTS: tuple[Callable[[], bs.Simulation], ...] = (
+    broken_rack,
+    pressed_row,
+    on_their_way,
+    many_balls,
+    late_break,
+    elastic_break,
+)
 
 
 def instants(run: bs.Run, count: int = 60) -> Any:
@@ -148,7 +163,9 @@ def test_a_ball_that_spins_on_the_spot_turns_from_the_start_of_the_recording() -
 @pytest.mark.parametrize("begin", STARTS)
 def test_straight_lines_through_a_path_stay_near_the_ball_at_every_time(begin: Callable[[], bs.Simulation]) -> None:
     run = bs.record(begin())
-    times = np.linspace(run.start, run.end, 20_000)
+    contacts = [event.time for event in run.events if event.kind == "ball_ball"][:20]
+    close = np.clip(np.add.outer(contacts, np.linspace(-1e-3, 1e-3, 100)).ravel(), run.start, run.end)
+    times = np.unique([*np.linspace(run.start, run.end, 20_000), *close])
     positions = run.positions(times)
     worst = 0.0
     for index, name in enumerate(run.scene.names):
@@ -203,6 +220,13 @@ def test_a_path_has_no_more_points_than_its_curve_needs() -> None:
     pieces = math.ceil(first.time / math.sqrt(8.0 * CHORD / ROLLING))
     assert int(np.sum(run.path("cue")[:, 0] <= first.time)) == pieces + 1
     assert run.path("1").tolist() == [[0.0, 0.5, 1.0]]
+
+
+def test_the_path_of_a_ball_in_touch_with_another_has_fewer_points_than_arcs() -> None:
+    run = bs.record(elastic_break())
+    points, arcs = (sum(len(of(name)) for name in run.scene.names) for of in (run.path, run.arcs))
+    assert points < arcs
+    assert arcs > 1000
 
 
 def test_without_friction_a_path_has_its_corners_alone() -> None:
