@@ -3,9 +3,11 @@
 
 1. Sweep. Around directions, by geometry and all round, azimuths are played without noise for a few speeds and heights
    of the tip; scores are averaged over the azimuth by its error. This finds the aim that throw and rails have moved.
-2. Trial. The best few are played with noise; in each direction the best one stays.
-3. Refinement of each by the cross-entropy method (Rubinstein 1999): shots are drawn around it, normally distributed in
-   azimuth, log speed, side and up; the best quarter gives the next mean and deviations.
+2. Trial. The best few are played with noise, the better half of them again with twice as many samples, and so on; in
+   each direction the best two stay.
+3. Refinement of each by a response surface (Box and Wilson 1951): shots are drawn around it, normally distributed in
+   azimuth, log speed, side and up, and played once each, with noise; a quadratic is fitted to their scores, and its
+   highest point within a deviation is where the next ones are drawn. So every play tells of all four.
 4. Choice. What came of it is played again, and the best shots once more, with errors of their own: the value that is
    told was not picked for its luck.
 """
@@ -16,7 +18,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +32,7 @@ from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.shots import Shots
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 Goal = Callable[[Rollout], Any]
 
 SPEEDS = 4
@@ -55,15 +58,16 @@ TRIALS = 4
 """Directions that are tried with noise, and half as many that are refined, for each shot that is asked for."""
 
 VARIANTS = 2
-"""Shots in a direction that are tried."""
+"""Shots in a direction that are refined: soft and hard ones can be far from each other."""
 
-ROUNDS = 5
-POPULATION = (16, 256)
-ELITE = 0.25
-"""Of the refinement: rounds, fewest and most shots in a direction in each, and the share of the best of these."""
+ROUNDS = 4
+NARROWING = 1
+SHRINKING = 0.7
+"""Of the refinement: rounds, the one after which the better half in directions of their own go on, and what remains of
+the deviations from one to the next."""
 
-KEPT = 0.3
-"""Share of the deviations that stays from round to round: a few lucky shots must not end the search."""
+LEAST_POPULATION = 30
+"""Shots in a direction in each round: what is fitted to their scores has nine coefficients."""
 
 SPREAD = (0.25, 0.1, 0.15)
 """First standard deviations of log speed, side and up, radii."""
@@ -74,7 +78,7 @@ SAME = 1e-3
 APART = 2.0
 """The same in standard deviations of the noise."""
 
-FEWEST, MOST = 8, 200
+FEWEST, MOST = 8, 1000
 """Samples of a shot while the search goes on."""
 
 LEAST_BUDGET = 100
@@ -234,62 +238,62 @@ class _Search:
         return np.exp(-0.5 * ((offsets[:, np.newaxis] - offsets) / deviation) ** 2) / whole
 
     def _trial(self, leads: list[_Lead]) -> list[_Lead]:
-        # With noise; the best in each direction.
-        taken = self._apart(leads, TRIALS * self.best, VARIANTS)
-        means = self._means(np.array([lead.shot for lead in taken]), self._samples(len(taken), 0.1))
-        return self._best_apart(taken, means, max(TRIALS * self.best // 2, 1))
+        # With noise; the best in each direction, by halves.
+        wanted = max(TRIALS * self.best // 2, 1)
+        taken = _some(leads, self._apart([lead.shot[0] for lead in leads], TRIALS * self.best, SPEEDS * len(UPS)))
+        while True:
+            means = self._means(np.array([lead.shot for lead in taken]), self._samples(len(taken), 0.04))
+            if len(taken) <= 2 * wanted:
+                return _some(taken, self._best_apart([lead.shot[0] for lead in taken], means, wanted, VARIANTS))
+            better = np.argsort(-means, kind="stable")[: max(len(taken) // 2, 2 * wanted)]
+            taken = _some(taken, better.tolist())
 
-    def _best_apart(self, leads: list[_Lead], values: Array, count: int) -> list[_Lead]:
+    def _best_apart(self, azimuths: Sequence[float], values: Array, count: int, variants: int = 1) -> list[int]:
+        # Indices as of `_apart`, where the best come first.
         order = np.argsort(-values, kind="stable").tolist()
-        return self._apart([leads[index] for index in order], count, 1)
+        return _some(order, self._apart(_some(azimuths, order), count, variants))
 
-    def _apart(self, leads: list[_Lead], count: int, variants: int) -> list[_Lead]:
-        # The first ones in so many directions, and so many in each: what errors blur is one.
+    def _apart(self, azimuths: Sequence[float], count: int, variants: int) -> list[int]:
+        # Indices of the first ones in so many directions, and so many in each: what errors blur is one.
         blur = SAME if self.noise is None else max(SAME, APART * self.noise.azimuth)
-        directions: list[list[_Lead]] = []
-        for lead in leads:
-            near = (
-                kept for kept in directions if abs(math.remainder(lead.shot[0] - kept[0].shot[0], math.tau)) <= blur
-            )
+        directions: list[list[int]] = []
+        for index, azimuth in enumerate(azimuths):
+            near = (kept for kept in directions if abs(math.remainder(azimuth - azimuths[kept[0]], math.tau)) <= blur)
             kept = next(near, None)
             if kept is None and len(directions) < count:
-                directions.append([lead])
+                directions.append([index])
             elif kept is not None and len(kept) < variants:
-                kept.append(lead)
-        return [lead for kept in directions for lead in kept]
+                kept.append(index)
+        return [index for kept in directions for index in kept]
 
     def _refine(self, leads: list[_Lead]) -> list[_Lead]:
-        # The better half of them, each with what the cross-entropy method makes of it: the last mean, and the best of
-        # the last round.
-        share = 0.4 / ROUNDS
+        # The best of them, each with what the refinement makes of it, and with the best of its last round.
+        blur = math.inf if self.noise is None else self.noise.azimuth or math.inf
         mean = np.array([_free(lead.shot) for lead in leads])
-        deviation = np.array([(lead.spread, *SPREAD) for lead in leads])
+        deviation = np.array([(min(lead.spread, blur), *SPREAD) for lead in leads])
         for turn in range(ROUNDS):
-            count = len(mean)
-            samples = self._samples(count * POPULATION[0], share)
-            size = int(min(max(share * self.budget / (count * samples), POPULATION[0]), POPULATION[1]))
+            size = max(int(0.3 / ROUNDS * self.budget) // len(mean), LEAST_POPULATION)
             random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1, turn)))
-            errors = random.standard_normal((count, size, 4))
-            errors[:, 0] = 0.0  # the mean itself is among them
+            errors = random.standard_normal((len(mean), size, 4))
             drawn = self._allowed(mean[:, np.newaxis] + errors * deviation[:, np.newaxis])
-            values = self._means(_shot(drawn.reshape(-1, 4)), samples).reshape(count, size)
-            order = np.argsort(-values, axis=1, kind="stable")[:, : round(ELITE * size)]
-            elite = np.take_along_axis(drawn, order[:, :, np.newaxis], axis=1)
-            mean = self._allowed(elite.mean(axis=1))
-            deviation = KEPT * deviation + (1.0 - KEPT) * elite.std(axis=1)
-            if turn == 0:
-                worth = np.take_along_axis(values, order, axis=1).mean(axis=1)
-                kept = np.argsort(-worth, kind="stable")[: self.best]
-                mean, deviation, elite, leads = mean[kept], deviation[kept], elite[kept], [leads[k] for k in kept]
+            values = self._means(_shot(drawn.reshape(-1, 4)), 1).reshape(len(mean), size)
+            away = (drawn - mean[:, np.newaxis]) / np.maximum(deviation[:, np.newaxis], 1e-300)
+            steps = np.array([_uphill(*one) for one in zip(away, values)])
+            mean = self._allowed(mean + steps * deviation)
+            deviation = SHRINKING * deviation
+            if turn == NARROWING:
+                kept = self._best_apart(mean[:, 0].tolist(), values.mean(axis=1), self.best)
+                mean, deviation, leads = mean[kept], deviation[kept], _some(leads, kept)
+                drawn, values = drawn[kept], values[kept]
         found = []
         for index, lead in enumerate(leads):
-            shots = _shot(np.array([mean[index], elite[index, 0]]))
+            shots = _shot(np.array([mean[index], drawn[index, values[index].argmax()]]))
             found += [lead._replace(shot=shots[0]), lead._replace(shot=shots[1]), lead]
         return found
 
     def _choose(self, leads: list[_Lead]) -> Found:
-        means = self._means(np.array([lead.shot for lead in leads]), self._samples(len(leads), 0.1))
-        chosen = self._best_apart(leads, means, self.best)
+        means = self._means(np.array([lead.shot for lead in leads]), self._samples(len(leads), 0.05))
+        chosen = _some(leads, self._best_apart([lead.shot[0] for lead in leads], means, self.best))
         result, scores = self._scores(np.array([lead.shot for lead in chosen]), self.samples)
         values, errors = scores, np.zeros(len(chosen))
         if scores.ndim > 1:
@@ -365,6 +369,29 @@ def _fitting(directions: Sequence[Direction], affordable: int) -> list[tuple[Dir
         found.append((direction, width))
         affordable -= width
     return found
+
+
+def _uphill(away: Array, values: Array) -> Array:
+    """Where scores are highest within 1 of the middle, in each of the K dimensions, by a fit without mixed terms.
+
+    Where they do not bend, a slope that is no larger than its standard error leads as far as its share of that.
+
+    Args:
+        away: (M, K) places.
+        values: (M,) scores there.
+    """
+    if np.ptp(values) == 0.0:
+        return np.zeros(away.shape[1])
+    terms = np.concatenate((np.ones((len(away), 1)), away, 0.5 * away**2), axis=1)
+    fitted = np.linalg.lstsq(terms, values, rcond=None)[0]
+    _, slope, bend = np.split(fitted, (1, 1 + away.shape[1]))
+    error = (values - terms @ fitted).std() / math.sqrt(len(values))
+    step: Array = np.clip(slope / np.maximum(-bend, max(float(error), 1e-300)), -1.0, 1.0)
+    return step
+
+
+def _some(given: Sequence[T], indices: Sequence[int]) -> list[T]:
+    return [given[index] for index in indices]
 
 
 def _free(shot: Array) -> Array:

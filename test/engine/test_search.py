@@ -13,6 +13,7 @@ from checks import COMPILED
 
 import billiards_sim as bs
 from billiards_sim.engine.potting import Direction, pots
+from billiards_sim.engine.search import _uphill
 
 TABLE = bs.Table.pool_9ft()
 POOL = bs.Physics.pool()
@@ -50,6 +51,34 @@ def test_the_shots_that_are_found_hold_under_noise() -> None:
     # Both are means of independent draws: five standard errors of their difference.
     spread = np.sqrt(found.errors**2 + rates * (1.0 - rates) / again.error.shape[1]) + 1.0 / SAMPLES
     assert (np.abs(rates - found.values) < 5.0 * spread).all()
+
+
+@COMPILED_ONLY
+def test_shots_are_refined_beyond_what_the_sweep_tries() -> None:
+    # 81 % of the best of the sweep's four speeds and three heights of the tip go in.
+    far = bs.Scene([(1.52, 0.189), (2.026, 0.808)], names=("cue", "1"), table=TABLE, physics=POOL)
+    goal = bs.goals.pocket(far, "1", "x_max_y_max")
+    for seed in (0, 2):
+        found = bs.search(far, goal, noise=NOISE, budget=60_000, best=2, samples=50, seed=seed)
+        again = bs.rollout(far, found.shots[:1], noise=NOISE, samples=4000, seed=99)
+        assert goal(again).mean() > 0.85  # with a standard error of 0.006
+
+
+def test_the_top_of_a_quadratic_is_found_where_it_is_near() -> None:
+    away = np.random.default_rng(1).standard_normal((100, 3))
+    top = np.array((0.4, -0.7, 0.1))
+    assert _uphill(away, 5.0 - ((away - top) ** 2).sum(axis=1)) == pytest.approx(top, abs=1e-9)
+    assert _uphill(away, 5.0 - ((away - 9.0 * top) ** 2).sum(axis=1)).tolist() == [1.0, -1.0, pytest.approx(0.9)]
+    assert _uphill(away, away @ (1.0, -1.0, 2.0)).tolist() == [1.0, -1.0, 1.0]
+    assert _uphill(away, ((away - top) ** 2).sum(axis=1)).tolist() == [-1.0, 1.0, -1.0]  # away from a valley
+    assert _uphill(away, np.full(100, 0.3)).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_chance_alone_leads_nowhere_on_average() -> None:
+    random = np.random.default_rng(1)
+    steps = [_uphill(random.standard_normal((400, 4)), 1.0 * (random.random(400) < 0.9)) for _ in range(300)]
+    assert np.mean(steps, axis=0) == pytest.approx(np.zeros(4), abs=5.0 / math.sqrt(300))
+    assert np.abs(steps).mean() < 0.7  # of |x| for x normal, cut at 1, the mean is 0.63
 
 
 def test_the_best_come_first_and_the_values_are_those_of_the_result() -> None:

@@ -54,7 +54,7 @@ def test_the_table_is_what_the_search_found(scene: str, capsys: pytest.CaptureFi
     where = load_scene(scene)
     noise = bs.ShooterNoise.tournament()
     found = bs.search(where, goals.pocket(where), noise=noise, samples=300, best=3, seed=7, budget=20_000)
-    assert len(told) == 3
+    assert len(told) == len(found) > 1
     for index, (_, ball, pocket, kind, speed, azimuth, side, up, cut, success, end) in enumerate(told):
         shot = found.shots[index : index + 1]
         wanted = [shot.speed, np.degrees(shot.azimuth), shot.side, shot.up]
