@@ -55,7 +55,7 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> Any:
         timeout=120,
         resources={"metadata": {"path": str(path)}},
     )
-    asyncio.run(client.async_execute(env={**environment, "PYTHONPATH": python_path}))
+    asyncio.run(client.async_execute(cleanup_kc=True, env={**environment, "PYTHONPATH": python_path}))
     return notebook
 
 
