@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -66,7 +65,7 @@ class Server:
         self.address = self._process.stdout.readline().split()[1]
 
     def stop(self) -> int:
-        self._process.send_signal(signal.SIGINT)
+        self._process.terminate()  # SIGINT is ignored by what was started in the background
         return self._process.wait(PATIENCE)
 
 

@@ -23,6 +23,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
@@ -119,7 +120,7 @@ class RosBackend(Backend):
         if pages and not self._listening:
             self._turning = Turning(self._turning.names)
             self._listening = [
-                self._node.create_subscription(MultiDOFJointState, "balls/states", self._on_states, 10),
+                self._node.create_subscription(MultiDOFJointState, "balls/states", self._on_states, 10, raw=True),
                 self._node.create_subscription(String, "collisions", self._on_collisions, 1000),
             ]
         elif not pages:
@@ -368,11 +369,12 @@ class RosBackend(Backend):
     def _on_collisions(self, message: String) -> None:
         self._hand_over(self._take_events, message.data)
 
-    def _on_states(self, message: MultiDOFJointState) -> None:
+    def _on_states(self, data: bytes) -> None:
         now = time.monotonic()
         if now < self._due - SLACK:
             return
         self._due = max(self._due + FRAME, now)
+        message = deserialize_message(data, MultiDOFJointState)  # what is not told need not be read
         there = {name: index for index, name in enumerate(message.joint_names)}
         turning = self._turning  # of one scene, whatever the server's thread sets meanwhile
         turns = None if self._settings.track_orientation else turning.until(message)
