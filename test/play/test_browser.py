@@ -169,6 +169,29 @@ def test_a_ball_is_dragged_refused_taken_off_and_all_is_undone(page: Page) -> No
     assert page.places == start
 
 
+def test_a_cue_ball_that_fell_is_put_where_one_clicks(page: Page) -> None:
+    scratch = {"speed": 1.5, "azimuth": np.arctan2(0.762, 0.7048 - 0.05) + np.pi}  # into the corner behind it
+    page("(values) => billiards.aim.setAll(values)", scratch)
+    page.preview()
+    page.page.click("#shoot")
+    page.page.click("#shoot")
+    page.until(lambda: page.places[0] is None and "The cue ball is off the table" in page.said)
+    page.page.mouse.click(*page.on_screen(page.places[1]))
+    page.until(lambda: "balls 'cue' and '1' overlap" in page.said)
+    page.page.mouse.click(*page.on_screen((0.6, 0.9)))
+    page.until(lambda: page.places[0] == pytest.approx([0.6, 0.9], abs=2e-3))
+    page.until(lambda: page.said.startswith("This shot"))
+
+
+def test_space_shoots_when_the_mouse_is_back_on_the_table(page: Page) -> None:
+    page.page.click("[aria-label='Compare with and without: Squirt']")
+    page.page.keyboard.press("Space")  # the button's, as for every button
+    assert page("document.activeElement.ariaPressed") == "false"
+    page.move((2.0, 0.785))
+    page.page.keyboard.press("Space")
+    page.until(lambda: page("billiards.player.run !== null"))
+
+
 def test_an_effect_is_switched_and_compared(page: Page) -> None:
     scene = bs.scenes.eight_ball()
     page.move((2.0, 0.785))

@@ -166,7 +166,11 @@ const ask = {
   busy: false,
   next: false,
   async preview() {
-    if (!state.table || player.shows || state.rolling || !cueBall()) return;
+    if (!state.table || player.shows || state.rolling) return;
+    if (!cueBall()) {
+      say("The cue ball is off the table: click where it is to lie.");
+      return;
+    }
     if (this.busy) {
       this.next = true;
       return;
@@ -219,7 +223,7 @@ function shot() {
 
 function shoot() {
   if (player.shows) player.seek(player.run.end);
-  else if (!cueBall()) say("The cue ball is off the table: put it back first.", true);
+  else if (!cueBall()) say("The cue ball is off the table: click where it is to lie.", true);
   else change({ do: "shoot", shot: shot() });
 }
 
@@ -321,6 +325,10 @@ canvas.addEventListener("pointerdown", (event) => {
 });
 canvas.addEventListener("pointermove", (event) => {
   if (!state.table || player.shows) return;
+  // keys are the table's again: else Space would press the last button once more
+  if (document.activeElement.matches("button, select, summary, input:not([type=number])")) {
+    canvas.focus({ preventScroll: true });
+  }
   if (down?.ball) {
     if (!state.drag && Math.hypot(event.clientX - down.x, event.clientY - down.y) < DRAG) return;
     state.drag = { name: down.ball.name, at: view.under(event) };
@@ -333,6 +341,7 @@ canvas.addEventListener("pointermove", (event) => {
 canvas.addEventListener("pointerup", (event) => {
   const { drag } = state;
   if (drag) drop(drag);
+  else if (down && !cueBall()) change({ do: "place", balls: { [cueName()]: view.under(event) } });
   else if (down?.ball) balls.choose(down.ball.name);
   else if (down && event.pointerType !== "touch") aim.setHeld(!aim.held);
   down = null;
