@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from geometry_msgs.msg import Transform, WrenchStamped
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -27,9 +28,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
 from billiards_sim import quaternion
-from billiards_sim.command_line import Failure
+from billiards_sim.command_line import Failure, one_line
 from billiards_sim.engine.quantity import number, numbers, shown
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.scenes import BUILT_IN
@@ -88,13 +90,14 @@ class RosBackend(Backend):
         self._listening: list[Any] = []
         self._before: deque[Position] = deque(maxlen=MOST_UNDONE)  # positions at rest that can be gone back to
         self._noting: asyncio.TimerHandle | None = None
+        self._rereading: asyncio.TimerHandle | None = None
         for topic in ("shot_result", "preview/result", "placement_result"):
             self._node.create_subscription(String, topic, self._on_answer, 100)
         self._node.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
         self._shots = self._node.create_publisher(WrenchStamped, "cue_shot", 10)
         self._previews = self._node.create_publisher(WrenchStamped, "cue_shot/preview", 10)
         self._balls = self._node.create_publisher(MultiDOFJointState, "set_balls", 10)
-        table = self._find()
+        self._name = table = self._find()
         self._parameters = AsyncParameterClient(self._node, table)
         self._reset = self._node.create_client(Trigger, f"{table}/reset")
         self._step = self._node.create_client(Trigger, f"{table}/step")
@@ -122,6 +125,9 @@ class RosBackend(Backend):
             self._listening = [
                 self._node.create_subscription(MultiDOFJointState, "balls/states", self._on_states, 10, raw=True),
                 self._node.create_subscription(String, "collisions", self._on_collisions, 1000),
+                # for what others change: parameters, and the scene with a reset
+                self._node.create_subscription(ParameterEvent, "/parameter_events", self._on_parameters, 1000),
+                self._node.create_subscription(MarkerArray, "table_markers", self._on_scene, LATCHED, raw=True),
             ]
         elif not pages:
             for subscription in self._listening:
@@ -369,6 +375,14 @@ class RosBackend(Backend):
     def _on_collisions(self, message: String) -> None:
         self._hand_over(self._take_events, message.data)
 
+    def _on_parameters(self, event: ParameterEvent) -> None:
+        changed = {one.name for one in event.changed_parameters}
+        if event.node == self._name and changed - {"scene"}:  # which takes effect with a reset
+            self._hand_over(self._reread_soon)
+
+    def _on_scene(self, _: bytes) -> None:
+        self._hand_over(self._reread_soon)
+
     def _on_states(self, data: bytes) -> None:
         now = time.monotonic()
         if now < self._due - SLACK:
@@ -434,6 +448,18 @@ class RosBackend(Backend):
             self._before.append(self._rested)
         self._rested = position
         self._renew()
+
+    def _reread_soon(self) -> None:
+        if self._rereading is not None:
+            self._rereading.cancel()
+        loop = asyncio.get_running_loop()
+        self._rereading = loop.call_later(QUIET, lambda: loop.create_task(self._reread_again()))
+
+    async def _reread_again(self) -> None:
+        try:
+            await self._reread()
+        except (ValueError, Failure) as error:
+            self.tell({"tell": "said", "error": one_line(error)})
 
     def _take_events(self, text: str) -> None:
         events = json.loads(text)["events"]

@@ -231,6 +231,24 @@ def test_physics_and_speed_are_chosen_at_rest(site: Site) -> None:
     talk(site, about)
 
 
+def test_what_others_change_is_told(site: Site) -> None:
+    async def about(page: Page) -> None:
+        client = site.client()
+        assert client.set_parameters_atomically(**{"physics.youngs_modulus": 0.0}).successful
+        await page.until(
+            lambda heard: (
+                heard.get("tell") == "table" and not heard["table"]["effects"][list(EFFECTS).index("elastic")]["on"]
+            )
+        )
+        assert client.set_parameters_atomically(scene="eight_ball").successful
+        page.told.clear()
+        assert client.reset().success
+        await page.until(lambda heard: heard.get("tell") == "table" and len(heard["table"]["balls"]) == 16)
+        await page.until(lambda heard: heard.get("tell") == "state" and len(heard["balls"]) == 16)
+
+    talk(site, about)
+
+
 def test_balls_are_turned_by_their_spins() -> None:
     turning = Turning(("cue", "1"))
     state = MultiDOFJointState(joint_names=["1"], twist=[Twist()])
