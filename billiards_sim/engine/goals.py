@@ -46,6 +46,8 @@ class Potting:
         if self.keep_cue:
             done &= ~result.pocketed(self.struck)
         if self.first is not None:
+            if self.first not in names:
+                raise ValueError(f"no ball is named {shown(self.first)}; the balls are {listed(names)}")
             done &= result.first_hit == names.index(self.first)
         return done.astype(np.float64)
 

@@ -36,8 +36,9 @@ T = TypeVar("T")
 Goal = Callable[[Rollout], Any]
 
 SPEEDS = 4
-UPS = (0.0, -0.6, 0.6)
-"""Of a sweep: speeds between the bounds, in equal ratios, and heights of the tip as shares of the room for it."""
+TIPS = ((0.0, 0.0), (0.0, -0.6), (0.0, 0.6), (-0.5, 0.0), (0.5, 0.0))
+"""Of a sweep: speeds between the bounds, in equal ratios, and side and up of the tip as shares of the room for it. With
+side some pots are safer, and it moves the aim by more than the refinement could follow."""
 
 SWEEP = (9, 201)
 """Fewest and most azimuths of a sweep."""
@@ -123,7 +124,7 @@ def search(
     samples: int = 400,
     best: int = 5,
     seed: int = 0,
-    budget: int = 100_000,
+    budget: int = 300_000,
     speeds: tuple[float, float] = (0.7, 5.0),
     directions: Sequence[Direction] | None = None,
     until: float | None = None,
@@ -145,7 +146,8 @@ def search(
         until, executor, ball: as of `rollout`.
 
     Raises:
-        ValueError: an argument is wrong, or the goal's scores have another shape, or are nan where there is no error.
+        ValueError: an argument is wrong, or the goal's scores are no numbers, have another shape, or are not finite.
+            Where a shot has an error, nan is as good as 0.
         BrokenRollout: the executor broke.
     """
     return _Search(scene, goal, noise, samples, best, seed, budget, speeds, until, executor, ball).run(directions)
@@ -180,6 +182,9 @@ class _Search:
         ):
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
                 raise ValueError(f"{name} must be a whole number >= {least}, got {shown(value)}")
+        struck = getattr(goal, "struck", ball)
+        if struck != ball:
+            raise ValueError(f"goal is for shots of ball {shown(struck)}, and ball {shown(ball)} is struck")
         self.scene, self.goal, self.noise, self.samples, self.best = scene, goal, noise, int(samples), int(best)
         self.seed, self.budget, self.until, self.executor, self.ball = int(seed), int(budget), until, executor, ball
         self.speeds = _bounds(speeds)
@@ -191,7 +196,7 @@ class _Search:
 
     def _directions(self, given: Sequence[Direction] | None) -> list[tuple[Direction, int]]:
         # With the number of azimuths to be played around each.
-        affordable = max(self.budget // (2 * SPEEDS * len(UPS)), 1)
+        affordable = max(self.budget // (2 * SPEEDS * len(TIPS)), 1)
         if given is None:
             known = self.goal.directions(self.scene) if hasattr(self.goal, "directions") else []
             directions = _fitting(known, affordable // 2)
@@ -200,6 +205,8 @@ class _Search:
             azimuths = np.linspace(0.0, math.tau, around, endpoint=False).tolist()
             every = [Direction(azimuth, math.pi / around, math.nan) for azimuth in azimuths]
             return directions + [(direction, rest // around) for direction in every]
+        if len(given) == 0 or not all(isinstance(direction, Direction) for direction in given):
+            raise ValueError(f"directions must be `Direction`s, one at least, or None; got {shown(given)}")
         return _fitting(given, affordable)
 
     def _sweep(self, directions: list[tuple[Direction, int]]) -> list[_Lead]:
@@ -227,7 +234,7 @@ class _Search:
     def _grid(self) -> Array:
         # (G, 3): speed, side, up.
         speeds = np.geomspace(*self.speeds, SPEEDS)
-        return np.array([(speed, 0.0, up * self.room) for up in UPS for speed in speeds])
+        return np.array([(speed, side * self.room, up * self.room) for side, up in TIPS for speed in speeds])
 
     def _weights(self, offsets: Array, step: float) -> Array:
         # (W, W): how likely the error of the azimuth leads from one offset to another. Near ones count a little in any
@@ -240,7 +247,7 @@ class _Search:
     def _trial(self, leads: list[_Lead]) -> list[_Lead]:
         # With noise; the best in each direction, by halves.
         wanted = max(TRIALS * self.best // 2, 1)
-        taken = _some(leads, self._apart([lead.shot[0] for lead in leads], TRIALS * self.best, SPEEDS * len(UPS)))
+        taken = _some(leads, self._apart([lead.shot[0] for lead in leads], TRIALS * self.best, SPEEDS * len(TIPS)))
         while True:
             means = self._means(np.array([lead.shot for lead in taken]), self._samples(len(taken), 0.04))
             if len(taken) <= 2 * wanted:
@@ -337,13 +344,16 @@ class _Search:
             ball=self.ball,
         )
         self.played += result.error.size
-        scores = np.array(self.goal(result), np.float64)
-        if scores.shape != result.error.shape:
-            raise ValueError(f"goal must give scores of shape {result.error.shape}, got {scores.shape}")
-        unknown = np.isnan(scores)
-        if (unknown & (result.error == 0)).any():
-            raise ValueError(f"goal gives nan for {np.count_nonzero(unknown)} of {scores.size} shots that were played")
-        scores[unknown] = 0.0
+        given = np.asarray(self.goal(result))
+        if given.dtype.kind not in "biuf":
+            raise ValueError(f"goal must give numbers, got {shown(given.tolist())}")
+        if given.shape != result.error.shape:
+            raise ValueError(f"goal must give scores of shape {result.error.shape}, got {given.shape}")
+        scores = given.astype(np.float64)
+        scores[np.isnan(scores) & (result.error != 0)] = 0.0
+        wrong = scores[~np.isfinite(scores)]
+        if len(wrong):
+            raise ValueError(f"goal gives {wrong[0]:g} for {len(wrong)} of {scores.size} shots")
         return result, scores
 
     def _allowed(self, free: Array) -> Array:

@@ -33,7 +33,7 @@ NUMBERS = {
     "samples": (400, 1, 100_000, "of each of the best shots, for its probability of success"),
     "best": (5, 1, 100, "shots wanted"),
     "seed": (0, 0, 10**15 - 1, "of all that is drawn; the same one finds the same shots"),
-    "budget": (100_000, LEAST_BUDGET, 10**9, "shots that the search may play"),
+    "budget": (300_000, LEAST_BUDGET, 10**9, "shots that the search may play"),
 }
 """Options that are whole numbers: default, least, most, help."""
 

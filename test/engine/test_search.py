@@ -12,6 +12,7 @@ import pytest
 from checks import COMPILED
 
 import billiards_sim as bs
+from billiards_sim.engine.goals import Potting
 from billiards_sim.engine.potting import Direction, pots
 from billiards_sim.engine.search import _uphill
 
@@ -125,6 +126,31 @@ def test_the_cue_ball_is_kept_where_the_goal_says_so() -> None:
     assert bs.goals.pocket(straight, "1", keep_cue=False)(follow).tolist() == [1.0]
 
 
+def ways(scene: bs.Scene, found: bs.Found, ball: str) -> list[str]:
+    """In which a ball falls in each of the shots: what it and the cue ball met on the way, in order."""
+    told = []
+    for events in map(bs.rollout(scene, found.shots, events=True).events, range(len(found))):
+        fall = next(index for index, event in enumerate(events) if event.kind == "pocketed" and ball in event.balls)
+        hits = [event for event in events[:fall] if event.kind in ("ball_ball", "ball_rail")]
+        told.append(" ".join(event.kind.removeprefix("ball_") + "".join(sorted(event.balls)) for event in hits))
+    return told
+
+
+@COMPILED_ONLY
+def test_where_a_ball_bars_the_way_there_are_combinations_and_kicks() -> None:
+    # 16 degrees to each side of ball 2 are barred, and ball 1 can be hit within 4.
+    barred = bs.Scene([(1.0, 0.762), (2.0, 0.762), (1.2, 0.762)], names=("cue", "1", "2"), table=TABLE, physics=POOL)
+    assert {start.kind for start in pots(barred, "1")} == {"combination", "kick"}
+    found = bs.search(barred, bs.goals.pocket(barred, "1"), budget=30_000)
+    assert found.values.tolist() == [1.0] * len(found)
+    told = ways(barred, found, "1")
+    assert any(way.startswith("ball2cue ball12") for way in told)
+    assert any(way.startswith("railcue ball1cue") for way in told)
+    found = bs.search(barred, bs.goals.pocket(barred, "1", first="1"), budget=30_000)
+    assert found.values[0] == 1.0
+    assert all(way.startswith("railcue") for way in ways(barred, found, "1"))
+
+
 def test_a_goal_of_ones_own_is_searched_for_all_round() -> None:
     alone = bs.Scene([(1.0, 0.6)], table=bs.Table(), physics=bs.Physics())
     target = np.array((1.9, 0.9))
@@ -168,7 +194,15 @@ def test_a_score_that_is_nan_counts_as_nothing_where_the_shot_was_not_played() -
     "goal, said",
     [
         (lambda result: np.zeros(3), r"goal must give scores of shape \(\d+,\), got \(3,\)"),
-        (lambda result: np.full(result.error.shape, math.nan), "goal gives nan for"),
+        (lambda result: 1.0, r"goal must give scores of shape \(\d+,\), got \(\)"),
+        (lambda result: np.full(result.error.shape, math.nan), r"goal gives nan for (\d+) of \1 shots"),
+        (lambda result: np.where(result.first_hit < 0, -math.inf, 1.0), "goal gives -inf for"),
+        (lambda result: None, "goal must give numbers, got None"),
+        (lambda result: "high", "goal must give numbers, got 'high'"),
+        (lambda result: 1j * result.error, "goal must give numbers, got "),
+        (bs.goals.pocket(CUT, struck="1"), "goal is for shots of ball '1', and ball 'cue' is struck"),
+        (Potting(first="2"), "no ball is named '2'; the balls are cue, 1"),
+        (Potting(ball="2"), "no ball is named '2'; the balls are cue, 1"),
         ("3", "goal must be a function"),
     ],
 )
@@ -187,6 +221,8 @@ def test_a_goal_that_is_none_is_refused(goal: Any, said: str) -> None:
         ({"noise": 0.1}, "noise must be a ShooterNoise or None, got 0.1"),
         ({"speeds": (2.0, 1.0)}, "speeds must be > 0, in order"),
         ({"speeds": 3.0}, "speeds must be two numbers"),
+        ({"directions": []}, r"directions must be `Direction`s, one at least, or None; got \[\]"),
+        ({"directions": [0.3]}, "directions must be `Direction`s"),
         ({"ball": "x"}, "x"),
     ],
 )
