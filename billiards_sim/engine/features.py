@@ -113,7 +113,8 @@ def _rail(table: Table, name: str, normal_x: float, normal_y: float, offset: flo
 def _parts(mouth: Mouth, radius: float) -> list[Feature]:
     jaws = [_jaw(edge, radius) for edge in mouth.edges]
     points = [_point(edge, mouth.pocket.cut_angle, mouth.pocket.point_radius + radius) for edge in mouth.edges]
-    return [*jaws, *points, Feature(MOUTH, x=mouth.centre[0], y=mouth.centre[1], reach=mouth.pocket.slate_radius)]
+    (x, y), (normal_x, normal_y) = mouth.centre, mouth.inward
+    return [*jaws, *points, Feature(MOUTH, normal_x, normal_y, x=x, y=y, reach=mouth.pocket.slate_radius)]
 
 
 def _jaw(edge: Edge, radius: float) -> Feature:

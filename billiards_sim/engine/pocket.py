@@ -73,6 +73,14 @@ class Mouth(NamedTuple):
     """of the circle that the slate is cut by, m"""
     edges: tuple[Edge, Edge]
 
+    @property
+    def inward(self) -> Place:
+        """From its middle into the table, of length 1."""
+        one, other = self.edges
+        x, y = (one.start[i] + other.start[i] - one.end[i] - other.end[i] for i in (0, 1))
+        length = math.hypot(x, y)
+        return x / length, y / length
+
     def check_takes(self, radius: float) -> None:
         """Whether balls of a radius, m, can fall into it, and only from between its jaws.
 
@@ -119,9 +127,7 @@ class Mouth(NamedTuple):
             if overlap > tolerance:
                 return f"reaches {overlap:.6g} m into {self.name}_point_{edge.side}"
         away = math.dist((x, y), self.centre)
-        one, other = self.edges
-        out = tuple(one.end[i] + other.end[i] - one.start[i] - other.start[i] for i in (0, 1))
-        behind = _product((x - self.centre[0], y - self.centre[1]), (out[0], out[1])) > 0.0
+        behind = _product((x - self.centre[0], y - self.centre[1]), self.inward) < 0.0
         if behind or self.pocket.slate_radius - away > tolerance:
             return (
                 f"lies in the pocket {self.name}: {away:.6g} m from the middle of the circle by which its slate is "

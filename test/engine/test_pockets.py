@@ -426,6 +426,19 @@ def test_a_ball_that_meets_both_edges_at_once_stays_in_the_middle(
         assert approach > 0.0
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_ball_that_presses_a_jaw_across_the_cut_of_the_slate_falls_whichever_way_it_leaves(side: float) -> None:
+    # For 2 ms at 9 m/s: further than the middle of so small a circle.
+    pocket = bs.Pocket(0.04, 2.38, 0.033, 0.0217, 0.0108)
+    table = bs.Table(length=2.1, width=1.2, corner_pocket=pocket, jaw_depth=0.034)
+    physics = bs.Physics(radius=0.0151, rail_restitution=0.04, youngs_modulus=5.8e9)
+    aside, angle = side * 0.00025 * math.sqrt(0.5), math.radians(225.0) - side * 0.01
+    place = (table.x_min + 0.3 + aside, table.y_min + 0.3 - aside)
+    scene = bs.Scene([place], [(9.0 * math.cos(angle), 9.0 * math.sin(angle))], table=table, physics=physics)
+    met = collisions(bs.Simulation(scene).run())
+    assert [said(event) for event in met] == [f"x_min_y_min_jaw_{'x_min' if side > 0.0 else 'y_min'}", "x_min_y_min"]
+
+
 def test_two_balls_and_a_jaw_are_solved_together() -> None:
     # The second ball lies at a jaw, and the first hits it straight at the jaw: as two balls and a rail.
     table = with_side_pockets(0.3, 120.0, 0.01, 0.0, 0.16)

@@ -16,7 +16,11 @@ import math
 
 from .detection import TOUCH, contact_time, rail_contact_time
 from .kernel import inlined, kernel
-from .state import ARC, INF, LINE, NOBODY, PARTS, RAILS, Ball, Constants, Feature, State
+from .state import ARC, INF, LINE, MOUTH, NOBODY, PARTS, RAILS, Ball, Constants, Feature, State
+
+LIP = 1e-9
+"""m. A ball whose centre is so far beyond the cut of the slate falls, whichever way it goes. One that hangs may be a
+little beyond it: a scene takes as much for rounding."""
 
 OVERRUN = 1e-12
 """m. How far a ball is held at a line or an arc beyond its end: far above what rounds where it is, so that it is then
@@ -354,11 +358,20 @@ def _time_to_end(feature: Feature, x: float, y: float, vx: float, vy: float, ax:
 
 
 @kernel
+def _is_beyond_lip(feature: Feature, px: float, py: float) -> bool:
+    # Whether a ball is in a mouth or behind it, m from its middle: it was pressed in, by what takes time.
+    behind = px * feature.normal_x + py * feature.normal_y < 0.0
+    return behind or math.sqrt(px * px + py * py) < feature.reach - LIP
+
+
+@kernel
 def _circle_time(
     feature: Feature, x: float, y: float, vx: float, vy: float, ax: float, ay: float, duration: float, least: float
 ) -> float:
     # When a ball comes to the circle of a point or a mouth.
     px, py = x - feature.x, y - feature.y
+    if feature.kind == MOUTH and _is_beyond_lip(feature, px, py):
+        return 0.0
     if duration == INF:  # without friction: past the closest point of its straight path
         duration = 2.0 * (abs(px) + abs(py)) / math.sqrt(vx * vx + vy * vy)
     time = contact_time(px, py, vx, vy, ax, ay, duration, feature.reach, least)

@@ -201,7 +201,7 @@ class Feature:
     """
 
     kind: int = LINE
-    normal_x: float = 0.0  # unit, into the table; of an arc that in its middle
+    normal_x: float = 0.0  # unit, into the table; of an arc that in its middle, of a mouth along its axis
     normal_y: float = 0.0
     offset: float = 0.0  # m, of the table's centre over the line
     along: float = 0.0  # m
