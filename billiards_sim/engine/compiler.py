@@ -12,6 +12,7 @@ from typing import Any, get_type_hints
 import numba
 from llvmlite import ir
 from numba.core import types
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic, register_jitable
@@ -40,21 +41,47 @@ def dispatchers() -> dict[str, Any]:
 def object_code() -> bytes:
     """The entries as an object file: for each a C function of its name.
 
-    It takes where to put its result, addresses of packed blocks, and numbers; it returns 0 if all went well.
+    It takes where to put its result, addresses of packed blocks, and numbers; it returns 0 if all went well. Numba
+    cannot call what it compiles in this process any more: kernels become parts, which only the whole makes code of.
     """
     context = cpu_target.target_context
-    library = context.codegen().create_library("billiards_sim")
+    codegen = context.codegen()
+    library = codegen.create_library("billiards_sim")
     library.enable_object_caching()
     module = library.create_ir_module("entries")
+    codegen._library_class = _Part
+    codegen.set_env = lambda name, env: None
+    parts: dict[Any, None] = {}
     for name, dispatcher in dispatchers().items():
         (compiled,) = dispatcher.overloads.values()
         _export(context, module, name, compiled)
-        library.add_linking_library(compiled.library)
+        _collect(compiled.library, parts)
+    for part in parts:
+        library.add_linking_library(part)
     with global_compiler_lock:
         library.add_ir_module(module)
         library.finalize()
     code: bytes = library._get_compiled_object()
     return code
+
+
+class _Part(JITCodeLibrary):
+    """What Numba makes of a kernel, not linked, optimised and made machine code of by itself: that is two thirds of
+    the work, and is all done again with the whole."""
+
+    def finalize(self) -> None:
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        return 0
+
+
+def _collect(part: Any, parts: dict[Any, None]) -> None:
+    # A part and all that it calls.
+    if part not in parts:
+        parts[part] = None
+        for called in part._linking_libraries:
+            _collect(called, parts)
 
 
 def _export(context: Any, module: Any, name: str, compiled: Any) -> None:
