@@ -373,9 +373,9 @@ const KEYS = {
   ArrowUp: (event) => aim.set("speed", aim.values.speed + 0.1 * fineness(event)),
   ArrowDown: (event) => aim.set("speed", aim.values.speed - 0.1 * fineness(event)),
   h: () => aim.setHeld(!aim.held),
-  p: () => player.toggle(),
+  p: () => (state.menu.live ? $("#pause").click() : player.toggle()),
   ",": () => player.step(-1),
-  ".": () => player.step(1),
+  ".": () => (state.menu.live ? $("#tick").click() : player.step(1)),
   u: () => change({ do: "undo" }),
   z: (event) => (event.ctrlKey || event.metaKey) && change({ do: "undo" }),
 };
