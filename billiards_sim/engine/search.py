@@ -3,8 +3,7 @@
 
 1. Sweep. Around directions, by geometry and all round, azimuths are played without noise for a few speeds and heights
    of the tip; scores are averaged over the azimuth by its error. This finds the aim that throw and rails have moved.
-2. Trial. The best few are played with noise, the better half of them again with twice as many samples, and so on; in
-   each direction the best two stay.
+2. Trial. The best few are played with noise, the better half of them again with twice as many samples, and so on.
 3. Refinement of each by a response surface (Box and Wilson 1951): shots are drawn around it, normally distributed in
    azimuth, log speed, side and up, and played once each, with noise; a quadratic is fitted to their scores, and its
    highest point within a deviation is where the next ones are drawn. So every play tells of all four.
@@ -36,7 +35,7 @@ T = TypeVar("T")
 Goal = Callable[[Rollout], Any]
 
 SPEEDS = 4
-TIPS = ((0.0, 0.0), (0.0, -0.6), (0.0, 0.6), (-0.5, 0.0), (0.5, 0.0))
+TIPS = [(side, up) for side in (0.0, -0.5, 0.5) for up in (0.0, -0.6, 0.6)]
 """Of a sweep: speeds between the bounds, in equal ratios, and side and up of the tip as shares of the room for it. With
 side some pots are safer, and it moves the aim by more than the refinement could follow."""
 
@@ -56,16 +55,14 @@ SAFE = 3.0
 """Standard deviations that the tip stays away from the miscue limit."""
 
 TRIALS = 4
-"""Directions that are tried with noise, and half as many that are refined, for each shot that is asked for."""
-
-VARIANTS = 2
-"""Shots in a direction that are refined: soft and hard ones can be far from each other."""
+"""Directions that are tried with noise, and shots that are refined, for each shot that is asked for. Of a direction
+several are: soft and hard ones, or such with side, can be far from each other."""
 
 ROUNDS = 4
 NARROWING = 1
 SHRINKING = 0.7
-"""Of the refinement: rounds, the one after which the better half in directions of their own go on, and what remains of
-the deviations from one to the next."""
+"""Of the refinement: rounds, the one after which as many as are asked for go on, each in a direction of its own, and
+what remains of the deviations from one to the next."""
 
 LEAST_POPULATION = 30
 """Shots in a direction in each round: what is fitted to their scores has nine coefficients."""
@@ -245,15 +242,13 @@ class _Search:
         return np.exp(-0.5 * ((offsets[:, np.newaxis] - offsets) / deviation) ** 2) / whole
 
     def _trial(self, leads: list[_Lead]) -> list[_Lead]:
-        # With noise; the best in each direction, by halves.
-        wanted = max(TRIALS * self.best // 2, 1)
+        # With noise, by halves.
         taken = _some(leads, self._apart([lead.shot[0] for lead in leads], TRIALS * self.best, SPEEDS * len(TIPS)))
-        while True:
+        while len(taken) > TRIALS * self.best:
             means = self._means(np.array([lead.shot for lead in taken]), self._samples(len(taken), 0.04))
-            if len(taken) <= 2 * wanted:
-                return _some(taken, self._best_apart([lead.shot[0] for lead in taken], means, wanted, VARIANTS))
-            better = np.argsort(-means, kind="stable")[: max(len(taken) // 2, 2 * wanted)]
+            better = np.argsort(-means, kind="stable")[: max(len(taken) // 2, TRIALS * self.best)]
             taken = _some(taken, better.tolist())
+        return taken
 
     def _best_apart(self, azimuths: Sequence[float], values: Array, count: int, variants: int = 1) -> list[int]:
         # Indices as of `_apart`, where the best come first.

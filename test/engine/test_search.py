@@ -54,15 +54,18 @@ def test_the_shots_that_are_found_hold_under_noise() -> None:
     assert (np.abs(rates - found.values) < 5.0 * spread).all()
 
 
+def near_a_place(result: bs.Rollout) -> Any:
+    """m, negative, from where the cue ball is to end."""
+    return -np.hypot(*np.moveaxis(result.positions[..., 0, :] - (1.9, 0.9), -1, 0))
+
+
 @COMPILED_ONLY
 def test_shots_are_refined_beyond_what_the_sweep_tries() -> None:
-    # 81 % of the best of the sweep's four speeds and three heights of the tip go in.
-    far = bs.Scene([(1.52, 0.189), (2.026, 0.808)], names=("cue", "1"), table=TABLE, physics=POOL)
-    goal = bs.goals.pocket(far, "1", "x_max_y_max")
+    # The best of the sweep comes within 22 mm.
+    alone = bs.Scene([(1.0, 0.6)], table=bs.Table(), physics=bs.Physics())
     for seed in (0, 2):
-        found = bs.search(far, goal, noise=NOISE, budget=60_000, best=2, samples=50, seed=seed)
-        again = bs.rollout(far, found.shots[:1], noise=NOISE, samples=4000, seed=99)
-        assert goal(again).mean() > 0.85  # with a standard error of 0.006
+        found = bs.search(alone, near_a_place, budget=80_000, speeds=(0.3, 2.0), best=2, seed=seed)
+        assert found.values[0] > -0.015
 
 
 def test_the_top_of_a_quadratic_is_found_where_it_is_near() -> None:
@@ -141,11 +144,11 @@ def test_where_a_ball_bars_the_way_there_are_combinations_and_kicks() -> None:
     # 16 degrees to each side of ball 2 are barred, and ball 1 can be hit within 4.
     barred = bs.Scene([(1.0, 0.762), (2.0, 0.762), (1.2, 0.762)], names=("cue", "1", "2"), table=TABLE, physics=POOL)
     assert {start.kind for start in pots(barred, "1")} == {"combination", "kick"}
-    found = bs.search(barred, bs.goals.pocket(barred, "1"), budget=30_000)
-    assert found.values.tolist() == [1.0] * len(found)
-    told = ways(barred, found, "1")
-    assert any(way.startswith("ball2cue ball12") for way in told)
-    assert any(way.startswith("railcue ball1cue") for way in told)
+    for kind, begin in (("combination", "ball2cue ball12"), ("kick", "railcue ball1cue")):
+        starts = [start for start in pots(barred, "1") if start.kind == kind]
+        found = bs.search(barred, bs.goals.pocket(barred, "1"), directions=starts, budget=30_000)
+        assert found.values.tolist() == [1.0] * len(found)
+        assert any(way.startswith(begin) for way in ways(barred, found, "1"))
     found = bs.search(barred, bs.goals.pocket(barred, "1", first="1"), budget=30_000)
     assert found.values[0] == 1.0
     assert all(way.startswith("railcue") for way in ways(barred, found, "1"))
@@ -153,12 +156,7 @@ def test_where_a_ball_bars_the_way_there_are_combinations_and_kicks() -> None:
 
 def test_a_goal_of_ones_own_is_searched_for_all_round() -> None:
     alone = bs.Scene([(1.0, 0.6)], table=bs.Table(), physics=bs.Physics())
-    target = np.array((1.9, 0.9))
-
-    def near(result: bs.Rollout) -> Any:
-        return -np.hypot(*np.moveaxis(result.positions[..., 0, :] - target, -1, 0))
-
-    found = bs.search(alone, near, budget=4 * BUDGET if COMPILED else 2_000, speeds=(0.3, 2.0), best=2)
+    found = bs.search(alone, near_a_place, budget=4 * BUDGET if COMPILED else 2_000, speeds=(0.3, 2.0), best=2)
     assert found.values[0] > (-0.02 if COMPILED else -0.05)  # m
     assert not found.errors.any()
 
