@@ -30,6 +30,7 @@ RUN = (
     "python3 -m billiards_sim plan",
     "python3 -m billiards_sim simulate",
     "python3 docs/learn.py",
+    "python3 docs/pots.py",
     "python3 -m billiards_sim table",
     "shoot",
 )
