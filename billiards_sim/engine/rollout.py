@@ -188,6 +188,8 @@ def rollout(
         raise ValueError(f"on_error must be one of {', '.join(ON_ERROR)}, got {shown(on_error)}")
     if piece is not None and not (_is_whole(piece) and piece >= 1):
         raise ValueError(f"piece must be a whole number >= 1, got {shown(piece)}")
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise ValueError(f"executor must be a concurrent.futures.Executor or None, got {shown(executor)}")
     wanted, starts = shots.columns(), Starts.of(scene, len(shots), positions, in_play)
     bad = refusals(wanted, scene.physics)
     if starts is not None:

@@ -467,6 +467,7 @@ def test_balls_that_cannot_lie_there_are_refused_together() -> None:
         ({"seed": True}, "seed must be a whole number >= 0"),
         ({"on_error": "ignore"}, "on_error must be one of raise, mask"),
         ({"piece": 0}, "piece must be a whole number >= 1"),
+        ({"executor": 3}, "executor must be a concurrent.futures.Executor or None, got 3"),
         ({"ball": "9"}, "no ball is named '9'"),
         ({"ball": "9", "in_play": [[True] * 3]}, "no ball is named '9'"),
         ({"positions": [[0.0, 0.0]]}, r"positions must have shape \(1, 3, 2\)"),
