@@ -108,13 +108,14 @@ def run_to_end(program: str, play: Callable[[], int]) -> int:
         return Stopped.code
 
 
+def interrupt(*_: Any) -> NoReturn:
+    """Handle a signal: ignore further ones, and raise `Interrupt`."""
+    shut_out_signals()
+    raise Interrupt
+
+
 def interrupt_on_signals() -> None:
     """Let the first signal of `STOPPING` raise `Interrupt`, so that what is half done is cleared away."""
-
-    def interrupt(*_: Any) -> NoReturn:
-        shut_out_signals()
-        raise Interrupt
-
     for number in STOPPING:
         if signal.getsignal(number) is not signal.SIG_IGN:  # by nohup
             signal.signal(number, interrupt)

@@ -18,7 +18,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation  # its exce
 from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 from rclpy.utilities import remove_ros_args
 
-from billiards_sim.command_line import STOPPING, Refusal, Stopped, shut_out_signals
+from billiards_sim.command_line import STOPPING, Refusal, Stopped, interrupt, shut_out_signals
 
 GRACE = 5.0
 """s that a child has to end after its signal, before it is killed."""
@@ -73,7 +73,7 @@ def stoppable() -> Iterator[None]:
         Stopped: one of them came. Further ones are ignored.
     """
     # rclpy's handlers call the ones that were there before: these must not end the process by themselves.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGINT, interrupt)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     install_signal_handlers(SignalHandlerOptions.ALL)
     try:
