@@ -66,10 +66,13 @@ def object_code() -> bytes:
 
 
 class _Part(JITCodeLibrary):
-    """What Numba makes of a kernel, not linked, optimised and made machine code of by itself: that is two thirds of
-    the work, and is all done again with the whole."""
+    """What Numba makes of a kernel: optimised by itself, but not linked with what it calls, nor made machine code of.
+
+    That is two thirds of the work, and is all done again with the whole.
+    """
 
     def finalize(self) -> None:
+        self._optimize_final_module()  # type: ignore[no-untyped-call]
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
