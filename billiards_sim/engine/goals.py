@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from billiards_sim.engine.potting import Direction, pots
 from billiards_sim.engine.quantity import listed, shown
 from billiards_sim.engine.rollout import Rollout
-from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene import Scene, index_of
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,7 @@ class Potting:
         if self.keep_cue:
             done &= ~result.pocketed(self.struck)
         if self.first is not None:
-            if self.first not in names:
-                raise ValueError(f"no ball is named {shown(self.first)}; the balls are {listed(names)}")
-            done &= result.first_hit == names.index(self.first)
+            done &= result.first_hit == index_of(names, self.first)
         return done.astype(np.float64)
 
     def directions(self, scene: Scene) -> list[Direction]:
@@ -74,9 +72,7 @@ def pocket(
     for name in (struck, ball, first):
         if name is None:
             continue
-        if name not in scene.names:
-            raise ValueError(f"no ball is named {shown(name)}; the balls are {listed(scene.names)}")
-        if not scene.in_play[scene.names.index(name)]:
+        if not scene.in_play[index_of(scene.names, name)]:
             raise ValueError(f"ball {shown(name)} is not in play")
     for role, name in (("potted", ball), ("met first", first)):
         if name == struck:

@@ -21,7 +21,7 @@ import numpy as np
 from billiards_sim.engine.features import RAILS, features_of
 from billiards_sim.engine.pocket import Mouth, Place
 from billiards_sim.engine.quantity import listed, shown
-from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene import Scene, index_of
 
 THROW = 0.13
 """rad, 7.4 degrees. More than friction between balls turns the way of an object ball: atan(0.118) is 6.7 degrees."""
@@ -126,9 +126,7 @@ class _Layout:
         self.others = [index for index in np.flatnonzero(scene.in_play).tolist() if index != self.struck]
 
     def index(self, name: str) -> int:
-        if name not in self.names:
-            raise ValueError(f"no ball is named {shown(name)}; the balls are {listed(self.names)}")
-        index = self.names.index(name)
+        index = index_of(self.names, name)
         if not self.in_play[index]:
             raise ValueError(f"ball {shown(name)} is not in play")
         return index

@@ -13,9 +13,9 @@ from billiards_sim.engine import machine
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.kernels.orientation import Turns, turn_along, turn_each
 from billiards_sim.engine.moment import SPINS, inner_time, spins_after
-from billiards_sim.engine.quantity import float_array, listed, shown
+from billiards_sim.engine.quantity import float_array, shown
 from billiards_sim.engine.recorder import Recorder
-from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene import Scene, index_of
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.engine.tables import blank, columns, set_columns
 from billiards_sim.quaternion import IDENTITY, product
@@ -118,7 +118,7 @@ class Run:
         Raises:
             ValueError: no such ball.
         """
-        rows = slice(*self._first[self._index(ball) :][:2])
+        rows = slice(*self._first[index_of(self.scene.names, ball) :][:2])
         parts = (self._places, self._velocities, self._accelerations, self._spins)
         arcs = np.column_stack((self._times[rows] + self._epoch, *(part[rows] for part in parts)))
         return arcs[~np.isnan(arcs[:, 1])]
@@ -135,7 +135,7 @@ class Run:
         Raises:
             ValueError: no such ball.
         """
-        index = self._index(ball)
+        index = index_of(self.scene.names, ball)
         times = self._path_times(index, np.unique([self.start, *self._event_times[ball], self.end]))
         points = self._positions(*self._arcs_of(index, self._inner(times)))
         if np.isnan(points[0, 0]):
@@ -147,11 +147,6 @@ class Run:
             return path
         place = int(np.searchsorted(path[:, 0], fall.time))  # where the ball is in the pocket already
         return np.insert(path, place, (fall.time, *fall.point), axis=0)
-
-    def _index(self, ball: str) -> int:
-        if ball not in self.scene.names:
-            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self.scene.names)}")
-        return self.scene.names.index(ball)
 
     def _path_times(self, ball: int, stops: Array) -> Array:
         # (K,) the stops, (S,), and what is needed between two of them.

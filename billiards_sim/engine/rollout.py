@@ -18,7 +18,7 @@ from billiards_sim.engine.kernels.state import Record
 from billiards_sim.engine.noise import ShooterNoise
 from billiards_sim.engine.player import MISSING, Job, Piece, Played, play_piece
 from billiards_sim.engine.quantity import listed, seconds, shown
-from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene import Scene, index_of
 from billiards_sim.engine.shots import Shots, refusals
 from billiards_sim.engine.simulation import EventLog, Simulation, check_comes_to_rest
 from billiards_sim.engine.starts import Starts
@@ -118,9 +118,7 @@ class Rollout:
         Raises:
             ValueError: there is no such ball, or no such pocket.
         """
-        if ball not in self.scene.names:
-            raise ValueError(f"no ball is named {shown(ball)}; the balls are {listed(self.scene.names)}")
-        fell = self.pocket[..., self.scene.names.index(ball)]
+        fell = self.pocket[..., index_of(self.scene.names, ball)]
         if pocket is None:
             return np.asarray(fell >= 0)
         if pocket not in self.pockets:
@@ -238,8 +236,8 @@ def _job(
         until = seconds("until", until)
     if not starts:
         Simulation(scene).check_rests(ball)
-    elif ball not in scene.names:
-        raise ValueError(f"no ball is named {shown(ball)}; the balls are {listed(scene.names)}")
+    else:
+        index_of(scene.names, ball)
     if seed is None:
         drawn: Any = np.random.SeedSequence().entropy if noise is not None else 0
         seed = drawn

@@ -272,3 +272,14 @@ def overlap_of(first: str, second: str, distance: float, diameter: float) -> str
         f"balls {first!r} and {second!r} overlap by {diameter - distance:.6g} m: their centres are {distance:.9g} m "
         f"apart, two radii are {diameter:.9g} m"
     )
+
+
+def index_of(names: Sequence[str], ball: str) -> int:
+    """Which of the balls of these names a ball is.
+
+    Raises:
+        ValueError: none.
+    """
+    if ball not in names:
+        raise ValueError(f"no ball is named {shown(ball)}; the balls are {listed(names)}")
+    return names.index(ball)

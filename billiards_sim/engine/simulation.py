@@ -41,7 +41,7 @@ from billiards_sim.engine.moment import (
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.quantity import listed, numbers, seconds, shown
 from billiards_sim.engine.recorder import Recorder, blank_tape
-from billiards_sim.engine.scene import OVERLAP_TOLERANCE, Scene, Shot, overlap_of
+from billiards_sim.engine.scene import OVERLAP_TOLERANCE, Scene, Shot, index_of, overlap_of
 from billiards_sim.engine.scene_file import save_scene
 from billiards_sim.engine.tables import Packed, as_tuple, column, columns, copy_block, get_field, join_rows, set_fields
 
@@ -489,9 +489,7 @@ class Simulation:
         return self._now.inner - columns(self._now.state.balls, "time")
 
     def _index(self, ball: str) -> int:
-        if ball not in self._scene.names:
-            raise ValueError(f"no ball is named {ball!r}; the balls are {listed(self._scene.names)}")
-        return self._scene.names.index(ball)
+        return index_of(self._scene.names, ball)
 
     def _play(self, until: float, budget: float | None, recorder: Recorder | None = None) -> bool:
         # Up to a time of the kernels' clock, while the budget lasts; returns whether it did. The events wait.

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_sim.command_line import one_line
-from billiards_sim.engine.quantity import listed, numbers, shown
+from billiards_sim.engine.quantity import numbers, shown
 from billiards_sim.engine.record import Run
 from billiards_sim.engine.recorder import Recorder
-from billiards_sim.engine.scene import Scene
+from billiards_sim.engine.scene import Scene, index_of
 from billiards_sim.engine.scene_file import read_scene, scene_text
 from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.simulation import Simulation, StallError
@@ -108,7 +108,7 @@ class EngineBackend(Backend):
         places, in_play = self._scene.positions.copy(), self._scene.in_play.copy()
         spins = self._scene.angular_velocities.copy()
         for name, place in balls.items():
-            index = self._index(name)
+            index = index_of(self._scene.names, name)
             in_play[index], spins[index] = place is not None, 0.0
             places[index] = np.nan if place is None else numbers(f"position of ball {name!r}", place, 2)
         self._show(
@@ -199,11 +199,6 @@ class EngineBackend(Backend):
             "up": shot.offset[1] / physics.radius,
             "elevation": float(np.arctan2(-down, size)),
         }
-
-    def _index(self, name: str) -> int:
-        if name not in self._scene.names:
-            raise ValueError(f"no ball is named {shown(name)}; the balls are {listed(self._scene.names)}")
-        return self._scene.names.index(name)
 
 
 DOES: dict[str, Any] = {
