@@ -105,8 +105,9 @@ def _explain(name: str) -> int:
 
 def _main_of(name: str, arguments: list[str]) -> Any:
     import importlib
+    from contextlib import nullcontext
 
-    from billiards_sim.command_line import Refusal
+    from billiards_sim.command_line import NO_ROS, Refusal, needing
 
     for argument in arguments:
         try:
@@ -114,15 +115,8 @@ def _main_of(name: str, arguments: list[str]) -> Any:
         except UnicodeEncodeError:
             raise Refusal(f"arguments must be UTF-8, got {os.fsencode(argument)!r}") from None
     executable = EXECUTABLES[name]
-    try:
+    with needing(NO_ROS) if executable.needs_ros else nullcontext():
         return importlib.import_module(executable.module).main
-    except ImportError as error:
-        # A module of this package that cannot be imported is a defect: that traceback must be seen.
-        if not executable.needs_ros or (error.name or "").startswith("billiards_sim"):
-            raise
-        raise Refusal(
-            f"ROS 2 is not there ({error}): source your ROS installation, or pip install 'billiards_sim[ros]'"
-        ) from None
 
 
 def _leave_quietly_on_signals(name: str) -> None:

@@ -13,8 +13,8 @@ import re
 import signal
 import sys
 import unicodedata
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 USAGE_ERROR = 2
@@ -79,6 +79,25 @@ class Parser(argparse.ArgumentParser):
 
     def _print_message(self, message: str, file: Any = None) -> None:
         say(message, end="")  # only helps come here
+
+
+NO_ROS = "ROS 2 is not there ({error}): source your ROS installation, or pip install 'billiards_sim[ros]'"
+
+
+@contextmanager
+def needing(message: str) -> Iterator[None]:
+    """Imports of what may not be installed; `{error}` in the message is what is missing.
+
+    Raises:
+        Refusal: with the message. A module of this package that cannot be imported is a defect, whose traceback must be
+            seen.
+    """
+    try:
+        yield
+    except ImportError as error:
+        if (error.name or "").startswith("billiards_sim"):
+            raise
+        raise Refusal(message.format(error=error)) from None
 
 
 def positive_seconds(text: str) -> float:

@@ -12,11 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from billiards_sim.command_line import STOPPING, Parser, Refusal, complain, run_to_end, say
-from billiards_sim.engine.scene import Scene
-from billiards_sim.engine.scene_file import load_scene
-from billiards_sim.engine.scenes import BUILT_IN
+from billiards_sim.command_line import NO_ROS, STOPPING, Parser, Refusal, complain, needing, run_to_end, say
 from billiards_sim.play.backend import Backend
+from billiards_sim.scene_option import SCENE_HELP, scene_named
 
 PORT = 8321
 
@@ -49,7 +47,7 @@ def _parser() -> Parser:
         "scene",
         metavar="SCENE",
         nargs="?",
-        help=f"a scene file, or one of {', '.join(BUILT_IN)}; default eight_ball",
+        help=f"{SCENE_HELP}; default eight_ball",
     )
     parser.add_argument(
         "--ros",
@@ -71,7 +69,7 @@ def _play(options: argparse.Namespace) -> int:
     from billiards_sim.play.engine_backend import EngineBackend
 
     try:
-        backend = EngineBackend(_scene(options.scene or "eight_ball"))
+        backend = EngineBackend(scene_named(options.scene or "eight_ball"))
     except ValueError as error:
         raise Refusal(error) from None
     _serve(backend, options)
@@ -79,13 +77,9 @@ def _play(options: argparse.Namespace) -> int:
 
 
 def _play_on_a_running_table(arguments: list[str]) -> int:
-    try:
+    with needing(NO_ROS):
         from billiards_sim.play.ros_backend import RosBackend
         from billiards_sim.ros.process import own_arguments, ros
-    except ImportError as error:
-        raise Refusal(
-            f"ROS 2 is not there ({error}): source your ROS installation, or pip install 'billiards_sim[ros]'"
-        ) from None
     options = _parser().parse_args(own_arguments("play", arguments))
     if options.scene is not None:
         raise Refusal(f"--ros plays on the scene of the running table: leave out --ros or {options.scene!r}")
@@ -95,27 +89,12 @@ def _play_on_a_running_table(arguments: list[str]) -> int:
 
 
 def _serve(backend: Backend, options: argparse.Namespace) -> None:
-    try:
+    with needing("play needs tornado ({error}): pip install 'billiards_sim[play]'"):
         from billiards_sim.play.server import serve
-    except ImportError as error:
-        raise Refusal(f"play needs tornado ({error}): pip install 'billiards_sim[play]'") from None
     try:
         asyncio.run(_until_stopped(serve, backend, options))
     finally:
         backend.close()
-
-
-def _scene(name: str) -> Scene:
-    if name in BUILT_IN:
-        return BUILT_IN[name]()
-    try:
-        if not Path(name).exists():
-            raise Refusal(f"SCENE {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
-        return load_scene(name)
-    except ImportError as error:
-        raise Refusal(f"scene file {name!r}: {error}") from None
-    except OSError as error:
-        raise Refusal(f"cannot read {name!r}: {error.strerror or error}") from None
 
 
 async def _until_stopped(serve: Serve, backend: Backend, options: argparse.Namespace) -> None:

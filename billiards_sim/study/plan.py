@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -12,22 +11,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, positive_seconds, run_to_end, say
+from billiards_sim.command_line import (
+    NO_ROS,
+    Failure,
+    Parser,
+    Refusal,
+    interrupt_on_signals,
+    needing,
+    positive_seconds,
+    run_to_end,
+    say,
+)
 from billiards_sim.engine import cue, goals
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.noise import ShooterNoise
 from billiards_sim.engine.record import record
 from billiards_sim.engine.rollout import rollout
 from billiards_sim.engine.scene import Scene, Shot
-from billiards_sim.engine.scene_file import load_scene
-from billiards_sim.engine.scenes import BUILT_IN
 from billiards_sim.engine.search import LEAST_BUDGET, Array, Found, search
 from billiards_sim.engine.shots import Shots
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.files import written
+from billiards_sim.scene_option import SCENE_HELP, scene_named
+from billiards_sim.study.outputs import PICTURES, check_picture, check_places, writing
 from billiards_sim.study.shot_kind import ShotKind, kind_of
-
-PICTURES = (".png", ".svg", ".pdf")
 
 NUMBERS = {
     "samples": (400, 1, 100_000, "of each of the best shots, for its probability of success"),
@@ -72,14 +79,8 @@ def main(arguments: list[str]) -> int:
 
 
 def _on_a_running_table(arguments: list[str]) -> int:
-    try:
+    with needing(NO_ROS):
         from billiards_sim.ros.tools.plan import plan_and_shoot
-    except ImportError as error:
-        if (error.name or "").startswith("billiards_sim"):
-            raise
-        raise Refusal(
-            f"ROS 2 is not there ({error}): source your ROS installation, or pip install 'billiards_sim[ros]'"
-        ) from None
     return plan_and_shoot(arguments)
 
 
@@ -91,7 +92,7 @@ def parser() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,  # `main` looks for --ros
     )
-    options.add_argument("scene", metavar="SCENE", nargs="?", help=f"a scene file, or one of {', '.join(BUILT_IN)}")
+    options.add_argument("scene", metavar="SCENE", nargs="?", help=SCENE_HELP)
     options.add_argument("--ball", metavar="NAME", help="to be pocketed; default: any but the cue ball")
     options.add_argument("--pocket", metavar="NAME", help="into which, as x_max_y_min or y_max; default: any")
     options.add_argument("--first", metavar="NAME", help="ball that the cue ball must meet first; default: any")
@@ -149,7 +150,7 @@ def _plan(arguments: list[str]) -> int:
     if options.scene is None:
         raise Refusal("give a SCENE, or --ros (see plan --help)")
     check_outputs(options)
-    write(plan(_scene(options.scene), options), options)
+    write(plan(scene_named(options.scene), options), options)
     return 0
 
 
@@ -203,16 +204,13 @@ def write(made: Plan, options: argparse.Namespace) -> None:
         Refusal: one cannot be written.
     """
     for option, path in outputs(options).items():
-        try:
-            with written(path) as file:
-                if option == "yaml":
-                    file.write_text(wrench_yaml(made.best), encoding="utf-8")
-                else:
-                    from billiards_sim.study.plan_plot import draw_plan
+        with writing(option, path), written(path) as file:
+            if option == "yaml":
+                file.write_text(wrench_yaml(made.best), encoding="utf-8")
+            else:
+                from billiards_sim.study.plan_plot import draw_plan
 
-                    draw_plan(made, options.noise, options.seed, file)
-        except OSError as error:
-            raise Refusal(f"--{option}: cannot write {str(path)!r}: {error.strerror or error}") from None
+                draw_plan(made, options.noise, options.seed, file)
         say(f"  wrote {path}")
 
 
@@ -224,19 +222,9 @@ def outputs(options: argparse.Namespace) -> dict[str, Path]:
 
 def check_outputs(options: argparse.Namespace) -> None:
     """Refuse what could not be written, before any long computing."""
-    for option, path in outputs(options).items():
-        if path.is_dir():
-            raise Refusal(f"--{option}: {str(path)!r} is a directory")
-        if not path.parent.is_dir():
-            raise Refusal(f"--{option}: cannot write {str(path)!r}: no directory {str(path.parent)!r}")
-    if options.plot is None:
-        return
-    if options.plot.suffix.lower() not in PICTURES:
-        raise Refusal(f"--plot: {str(options.plot)!r} must end in {' or '.join(PICTURES)}")
-    try:
-        importlib.import_module("matplotlib")
-    except ImportError:
-        raise Refusal("--plot needs matplotlib: pip install 'billiards_sim[plot]'") from None
+    check_places(outputs(options))
+    if options.plot is not None:
+        check_picture("plot", options.plot)
 
 
 def wrench_yaml(shot: Shot) -> str:
@@ -246,21 +234,6 @@ def wrench_yaml(shot: Shot) -> str:
         x, y, z = (repr(float(part) + 0.0) for part in vector)  # -0.0 + 0.0 is 0.0
         lines.append(f"  {name}: {{x: {x}, y: {y}, z: {z}}}")
     return "\n".join(lines) + "\n"
-
-
-def _scene(name: str) -> Scene:
-    if name in BUILT_IN:
-        return BUILT_IN[name]()
-    try:
-        if not Path(name).exists():
-            raise Refusal(f"SCENE {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
-        return load_scene(name)
-    except ImportError:
-        raise Refusal(f"scene file {name!r} needs PyYAML: pip install pyyaml, or 'billiards_sim[ros]'") from None
-    except OSError as error:
-        raise Refusal(f"cannot read {name!r}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise Refusal(error) from None
 
 
 def _row(scene: Scene, found: Found, index: int, goal: goals.Potting, options: argparse.Namespace) -> Row:

@@ -9,31 +9,35 @@ import importlib
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from itertools import compress
 from pathlib import Path
 
-from billiards_sim.command_line import Failure, Parser, Refusal, interrupt_on_signals, positive_seconds, run_to_end, say
+from billiards_sim.command_line import (
+    Failure,
+    Parser,
+    Refusal,
+    interrupt_on_signals,
+    needing,
+    positive_seconds,
+    run_to_end,
+    say,
+)
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene import Scene
-from billiards_sim.engine.scene_file import load_scene
-from billiards_sim.engine.scenes import BUILT_IN
-from billiards_sim.engine.simulation import StallError
+from billiards_sim.engine.simulation import StallError, comes_to_rest
 from billiards_sim.files import written, written_directory
+from billiards_sim.scene_option import SCENE_HELP, scene_named
 from billiards_sim.shot_options import add_shot_options, shot_asked_for
+from billiards_sim.study.outputs import PICTURES, check_ending, check_installed, check_picture, check_places, writing
 from billiards_sim.study.recording import ExactRecording, Recording, TooMany, record, ticks
 from billiards_sim.study.time_stepping import SOLVERS, TIME_STEP, SchemeError
 
 SAMPLE = 0.01
 """s between two times of a table."""
 
-PICTURES = (".png", ".svg", ".pdf")
 MOVIES = {".mp4": ("PIL", "tqdm", "imageio_ffmpeg"), ".gif": ("PIL", "tqdm")}
 """Endings of movies, with the modules that they need."""
-
-PACKAGES = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}
-"""What pip calls a module, where its name is another."""
 
 COLUMNS = ("time", "ball", "x", "y", "vx", "vy", "wx", "wy", "wz")
 
@@ -51,7 +55,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> Parser:
     parser = Parser(prog="simulate", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", metavar="SCENE", help=f"a scene file, or one of {', '.join(BUILT_IN)}")
+    parser.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     parser.add_argument(
         "--solver",
         choices=SOLVERS,
@@ -95,10 +99,8 @@ def _simulate(options: argparse.Namespace) -> int:
         path = getattr(options, option)
         if path is not None:
             try:
-                with opened(path) as place:
+                with writing(option, path), opened(path) as place:
                     write(recording, place, options)
-            except OSError as error:
-                raise Refusal(f"--{option}: cannot write {str(path)!r}: {_reason(error)}") from None
             except TooMany as error:
                 raise Refusal(f"--{option}: {error}") from None
             say(f"  wrote           {path}")
@@ -107,29 +109,16 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Refuse what could not be written, before any long computing."""
-    paths = {name: getattr(options, name) for name in WRITERS if getattr(options, name)}
-    for index, (option, path) in enumerate(paths.items()):
-        try:
-            if option == "bag" and path.exists():
-                raise Refusal(f"--bag: {str(path)!r} exists already")
-            if path.is_dir():
-                raise Refusal(f"--{option}: {str(path)!r} is a directory")
-            if not path.parent.is_dir():
-                raise Refusal(f"--{option}: cannot write {str(path)!r}: no directory {str(path.parent)!r}")
-        except OSError as error:
-            raise Refusal(f"--{option}: cannot write {str(path)!r}: {_reason(error)}") from None
-        if path in list(paths.values())[:index]:
-            raise Refusal(f"--{option}: {str(path)!r} is written by another option, too")
+    check_places({name: getattr(options, name) for name in WRITERS if getattr(options, name)})
     if options.html is not None:
-        _check_ending("html", options.html, (".html",))
+        check_ending("html", options.html, (".html",))
         if options.solver != "event":
             raise Refusal(f"--html shows runs of the solver event, not of {options.solver}")
     if options.plot is not None:
-        _check_ending("plot", options.plot, PICTURES)
-        _check_installed("--plot", ["matplotlib"])
+        check_picture("plot", options.plot)
     if options.movie is not None:
-        ending = _check_ending("movie", options.movie, list(MOVIES))
-        _check_installed("--movie", MOVIES[ending])
+        ending = check_ending("movie", options.movie, list(MOVIES))
+        check_installed("movie", MOVIES[ending])
         if ending == ".mp4":
             _check_ffmpeg()
     if options.bag is not None:
@@ -141,15 +130,11 @@ def _check_outputs(options: argparse.Namespace) -> None:
 def _check_bag(options: argparse.Namespace) -> None:
     if options.solver != "event":
         raise Refusal(f"--bag: the node does not play by --solver {options.solver}, only by event")
-    try:
+    with needing(
+        "--bag needs the ROS 2 messages and mcap ({error}): pip install 'billiards_sim[ros]'; "
+        "where ROS 2 is installed, source it, and pip install mcap"
+    ):
         from billiards_sim.ros.bag import RATE
-    except ImportError as error:
-        if (error.name or "").startswith("billiards_sim"):
-            raise
-        raise Refusal(
-            f"--bag needs the ROS 2 messages and mcap ({error}): pip install 'billiards_sim[ros]'; "
-            "where ROS 2 is installed, source it, and pip install mcap"
-        ) from None
     default, declared = RATE
     if options.rate is None:
         options.rate = default
@@ -171,22 +156,6 @@ def _check_length(options: argparse.Namespace) -> None:
         raise Refusal(f"--until {options.until:g}: {error}") from None
 
 
-def _check_ending(option: str, path: Path, known: Sequence[str]) -> str:
-    ending = path.suffix.lower()
-    if ending not in known:
-        raise Refusal(f"--{option}: {str(path)!r} must end in {' or '.join(known)}")
-    return ending
-
-
-def _check_installed(option: str, modules: Sequence[str]) -> None:
-    for module in modules:
-        try:
-            importlib.import_module(module)
-        except ImportError:
-            package = PACKAGES.get(module, module)
-            raise Refusal(f"{option} needs {package}: pip install 'billiards_sim[plot]'") from None
-
-
 def _check_ffmpeg() -> None:
     try:
         importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe()
@@ -195,20 +164,7 @@ def _check_ffmpeg() -> None:
 
 
 def _scene(options: argparse.Namespace) -> Scene:
-    name = options.scene
-    if name in BUILT_IN:
-        scene = BUILT_IN[name]()
-    else:
-        try:
-            if not Path(name).exists():
-                raise Refusal(f"SCENE {name!r} is neither a file nor one of {', '.join(BUILT_IN)}")
-            scene = load_scene(name)
-        except ImportError:
-            raise Refusal(f"scene file {name!r} needs PyYAML: pip install pyyaml, or 'billiards_sim[ros]'") from None
-        except OSError as error:
-            raise Refusal(f"cannot read {name!r}: {_reason(error)}") from None
-        except ValueError as error:
-            raise Refusal(error) from None
+    scene = scene_named(options.scene)
     try:
         asked = shot_asked_for(options)
         shot = asked.shot(scene.physics) if isinstance(asked, Aim) else asked
@@ -222,7 +178,7 @@ def _record(scene: Scene, options: argparse.Namespace) -> Recording:
         physics = scene.physics
         if options.solver == "paper":
             raise Refusal("--solver paper needs --until: its balls never rest")
-        if 0.0 in (physics.sliding_friction, physics.rolling_friction):
+        if not comes_to_rest(physics):
             raise Refusal(
                 f"a scene with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                 f"{physics.rolling_friction:g} needs --until: its balls may never rest"
@@ -331,7 +287,3 @@ def _print_summary(recording: Recording, options: argparse.Namespace) -> None:
     say(f"  wall time       {recording.wall_seconds:.3g} s")
     if not recording.events and not recording.start.velocities.any() and not recording.start.angular_velocities.any():
         say("  nothing moved: the scene has no shot; --speed V and --angle A hit the ball cue")
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error)

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from billiards_sim.engine.events import Event
 from billiards_sim.engine.features import RAILS
 from billiards_sim.engine.scene import Scene
-from billiards_sim.engine.simulation import Simulation
+from billiards_sim.engine.simulation import Simulation, comes_to_rest
 
 Array = NDArray[np.float64]
 
@@ -484,7 +484,7 @@ class TimeStepSolver(SteppedSolver):
 
     def _check_it_ends(self) -> None:
         physics = self._scene.physics
-        if not self.at_rest and 0.0 in (physics.sliding_friction, physics.rolling_friction):
+        if not (self.at_rest or comes_to_rest(physics)):
             raise ValueError(
                 f"the balls never rest with sliding_friction {physics.sliding_friction:g} and rolling_friction "
                 f"{physics.rolling_friction:g}: give run() a time `until`"
