@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -38,17 +39,20 @@ class BilliardsEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
     `reset` takes `options={"positions": ...}`, (N, 2) m, and with it `"in_play"`, (N,).
 
     Args:
-        task: what is played.
         render_mode: "rgb_array": `render` gives a picture of the table; "human": a window shows each shot in its time.
+        options: of the task.
     """
+
+    task: ClassVar[Callable[..., Task]]
+    """what is played"""
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAME_RATE}
 
-    def __init__(self, task: Task, render_mode: str | None = None) -> None:
+    def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode must be None or one of {', '.join(RENDER_MODES)}, got {render_mode!r}")
         self.render_mode = render_mode
-        self._tables = Tables(task, 1)
+        self._tables = Tables(self.task(**options), 1)
         self.action_space = self._tables.action_space
         self.observation_space = self._tables.observation_space
         self._time = 0.0  # s, since the last reset
@@ -107,12 +111,10 @@ class BilliardsEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
 class PoolEnv(BilliardsEnv):
     """`billiards_sim/Pool-v0`; takes what `tasks.Pool` takes."""
 
-    def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:
-        super().__init__(Pool(**options), render_mode)
+    task = Pool
 
 
 class SumToThreeEnv(BilliardsEnv):
     """`billiards_sim/SumToThree-v0`; takes what `tasks.SumToThree` takes. `info` also has `cushions`, how many."""
 
-    def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:
-        super().__init__(SumToThree(**options), render_mode)
+    task = SumToThree

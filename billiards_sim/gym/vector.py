@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -28,22 +28,26 @@ class BilliardsVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDAr
     before.
 
     Args:
-        task: what is played.
         num_envs: number of tables.
         max_episode_steps: shots of an episode, after which it is truncated; None: it goes on.
         autoreset_mode: one of `MODES`, or its value.
         render_mode: "rgb_array": `render` gives a picture of each table.
+        options: of the task.
     """
+
+    task: ClassVar[Callable[..., Task]]
+    """what is played"""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
         self,
-        task: Task,
         num_envs: int = 1,
+        *,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        **options: Any,
     ) -> None:
         for name, value in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps)):
             optional = name == "max_episode_steps" and value is None
@@ -58,7 +62,7 @@ class BilliardsVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDAr
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self._tables = Tables(task, num_envs)
+        self._tables = Tables(self.task(**options), num_envs)
         self._most_shots = max_episode_steps
         self._shots = np.zeros(num_envs, np.int64)  # of each episode
         self._over = np.zeros(num_envs, np.bool_)  # to be laid anew at the next step
@@ -170,28 +174,10 @@ class BilliardsVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDAr
 class PoolVectorEnv(BilliardsVectorEnv):
     """Many of `billiards_sim/Pool-v0`; takes what `tasks.Pool` takes beside what a vector does."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(Pool(**options), num_envs, max_episode_steps, autoreset_mode, render_mode)
+    task = Pool
 
 
 class SumToThreeVectorEnv(BilliardsVectorEnv):
     """Many of `billiards_sim/SumToThree-v0`; takes what `tasks.SumToThree` takes beside what a vector does."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(SumToThree(**options), num_envs, max_episode_steps, autoreset_mode, render_mode)
+    task = SumToThree
