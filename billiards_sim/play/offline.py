@@ -15,6 +15,9 @@ PAGE = Path(__file__).parent / "page"
 MODULES = ("motion.js", "balls.js", "view.js", "words.js", "player.js", "offline.js")
 """Each after those that it imports. What they name at their top is different, so that they make one module."""
 
+PLAYER = ("<!-- player: also in pages of one file -->", "<!-- end of player -->")
+"""What of the page is between these."""
+
 MOST_ARCS = 200_000
 """Of all balls: some 50 MB. A break with everything on has two thousand."""
 
@@ -36,6 +39,7 @@ def write_page(run: Run, path: Path, title: str) -> None:
     data = json.dumps({"title": title, "table": table_record(run.scene), "run": run_record(run)}, allow_nan=False)
     parts = {
         "style.css": _text("style.css"),
+        "player": _player(),
         "the run": data.replace("<", "\\u003c"),  # a name may have one, which would end the element
         "modules": "\n".join(_alone(_text(name)) for name in MODULES),
     }
@@ -45,6 +49,12 @@ def write_page(run: Run, path: Path, title: str) -> None:
 
 def _text(name: str) -> str:
     return (PAGE / name).read_text(encoding="utf-8")
+
+
+def _player() -> str:
+    # Buttons, time line and events, as the page has them. What is for running tables alone is not shown.
+    begin, end = PLAYER
+    return _text("index.html").partition(begin)[2].partition(end)[0].strip("\n")
 
 
 def _alone(module: str) -> str:
