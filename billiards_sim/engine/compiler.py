@@ -46,6 +46,7 @@ def object_code() -> bytes:
     """
     context = cpu_target.target_context
     codegen = context.codegen()
+    codegen._library_class = _Whole
     library = codegen.create_library("billiards_sim")
     library.enable_object_caching()
     module = library.create_ir_module("entries")
@@ -77,6 +78,19 @@ class _Part(JITCodeLibrary):
 
     def get_pointer_to_function(self, name: str) -> int:
         return 0
+
+
+class _Whole(JITCodeLibrary):
+    """All of it, in which only the entries can be called from outside.
+
+    So kernels need not be called as Numba calls them, with each table as seven numbers: some 80 for a state.
+    """
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.name not in ENTRIES:
+                function.linkage = "internal"
+        super()._optimize_final_module()  # type: ignore[no-untyped-call]
 
 
 def _collect(part: Any, parts: dict[Any, None]) -> None:
