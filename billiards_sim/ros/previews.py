@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The previews that the table owes: one after the other, and a piece at a tick, so that they hold up none."""
+"""The previews that the table owes: one after the other, on a thread of their own, so that nothing waits for them."""
 
 from __future__ import annotations
 
-from collections import deque
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from queue import Full, Queue
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
@@ -15,66 +19,101 @@ from billiards_sim.engine.simulation import Simulation, StallError
 from billiards_sim.ros import markers
 from billiards_sim.ros.answers import answer, check_at_rest
 from billiards_sim.ros.messages import Stamps, stamp_of
-from billiards_sim.ros.preview import Prediction, Preview, preview_json
+from billiards_sim.ros.preview import PIECE, Prediction, Preview, preview_json
 from billiards_sim.ros.qos import ANSWER_DEPTH, STATE_DEPTH
 from billiards_sim.ros.wrench import shot_from_wrench
 
 MOST_PREVIEWS = 100
-"""That wait for their tick; more are refused."""
+"""That wait; more are refused."""
 
-BUDGET = 0.01
-"""s of the wall clock that a tick goes on with a preview: enough for a break, where the engine is compiled."""
+
+@dataclass(frozen=True)
+class Question:
+    """A table to play a preview on.
+
+    Attributes:
+        simulation: what is on it; a copy, which nobody else uses.
+        stamps: of its times.
+        frame: of the messages.
+    """
+
+    simulation: Simulation
+    stamps: Stamps
+    frame: str
 
 
 class Previews:
-    """Takes what people ask on `cue_shot/preview`, answers on `preview/result` and draws on `preview`."""
+    """Takes what people ask on `cue_shot/preview`, answers on `preview/result` and draws on `preview`.
 
-    def __init__(self, node: Node) -> None:
+    Args:
+        node: of the topics.
+        look: what is on the table now; called on the thread of the previews.
+    """
+
+    def __init__(self, node: Node, look: Callable[[], Question]) -> None:
+        self._look = look
         self._drawing = node.create_publisher(MarkerArray, "preview", STATE_DEPTH)
         self._results = node.create_publisher(String, "preview/result", ANSWER_DEPTH)
-        self._waiting: deque[WrenchStamped] = deque()
-        self._begun: tuple[WrenchStamped, Prediction] | None = None
+        self._waiting: Queue[WrenchStamped | None] = Queue(MOST_PREVIEWS)
+        self._erased = False
+        self._stopped = False
+        self._thread: threading.Thread | None = None
 
     def ask(self, message: WrenchStamped, time: float) -> None:
-        """Let a shot wait for its tick. At a simulated time, s."""
-        if len(self._waiting) < MOST_PREVIEWS:
-            self._waiting.append(message)
-        else:
-            reason = f"{MOST_PREVIEWS} previews wait already, one a tick is answered at most"
-            answer(self._results, message, time, reason)
-
-    def go_on(self, simulation: Simulation, stamps: Stamps, frame: str) -> None:
-        """Answer one, or play on with it.
-
-        Args:
-            simulation: what is on the table.
-            stamps: of its times.
-            frame: of the messages.
-        """
-        if self._begun is None and not self._waiting:
-            return
-        message = self._waiting.popleft() if self._begun is None else self._begun[0]
-        preview: Preview | None = None
+        """Let a shot wait for its turn. At a simulated time, s."""
         try:
-            prediction = self._begin(message, simulation, frame) if self._begun is None else self._begun[1]
-            preview = prediction.go_on(BUDGET)
+            self._waiting.put_nowait(message)
+        except Full:
+            answer(self._results, message, time, f"{MOST_PREVIEWS} previews wait already")
+
+    def erase(self) -> None:
+        """Take the drawing away: the next scene is another table."""
+        self._erased = True
+        self._drawing.publish(markers.erasing())
+
+    def start(self, fail: Callable[[Exception], object]) -> None:
+        """Args:
+        fail: told of an exception, on the previews' thread, which then ends.
+        """
+        self._thread = threading.Thread(target=self._run, args=(fail,), name="previews", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """No answer comes after this."""
+        self._stopped = True
+        with suppress(Full):  # the thread does not wait then
+            self._waiting.put_nowait(None)
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self, fail: Callable[[Exception], object]) -> None:
+        try:
+            while (message := self._waiting.get()) is not None and not self._stopped:
+                self._answer(message)
+        except Exception as error:
+            fail(error)
+
+    def _answer(self, message: WrenchStamped) -> None:
+        self._erased = False
+        question = self._look()
+        simulation, preview = question.simulation, None
+        try:
+            shot = shot_from_wrench(message, question.frame)
+            check_at_rest(simulation, "a preview")
+            preview = self._played(Prediction(simulation, shot))
         except (ValueError, StallError) as error:
             answer(self._results, message, simulation.time, one_line(error))
         else:
             if preview is None:
-                self._begun = message, prediction
                 return
-            self._results.publish(String(data=preview_json(preview, stamps, stamp_of(message))))
-        self._begun = None
-        if self._drawing.get_subscription_count() > 0:
-            self._drawing.publish(markers.preview_markers(preview, stamps.at(simulation.time), frame))
+            self._results.publish(String(data=preview_json(preview, question.stamps, stamp_of(message))))
+        if not self._erased and self._drawing.get_subscription_count() > 0:
+            stamp = question.stamps.at(simulation.time)
+            self._drawing.publish(markers.preview_markers(preview, stamp, question.frame))
 
-    def erase(self) -> None:
-        """Take the drawing away: the next scene is another table."""
-        self._drawing.publish(markers.erasing())
-
-    @staticmethod
-    def _begin(message: WrenchStamped, simulation: Simulation, frame: str) -> Prediction:
-        shot = shot_from_wrench(message, frame)
-        check_at_rest(simulation, "a preview")
-        return Prediction(simulation, shot)
+    def _played(self, prediction: Prediction) -> Preview | None:
+        # None where the node ends meanwhile.
+        preview = None
+        while preview is None and not self._stopped:
+            preview = prediction.go_on(PIECE)
+        return preview

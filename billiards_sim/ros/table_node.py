@@ -7,6 +7,7 @@ import argparse
 import dataclasses
 import gc
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -44,7 +45,7 @@ from billiards_sim.ros.followed_clock import FollowedClock
 from billiards_sim.ros.inbox import Inbox
 from billiards_sim.ros.metronome import Metronome
 from billiards_sim.ros.placement import Places, named_balls, placed_balls
-from billiards_sim.ros.previews import Previews
+from billiards_sim.ros.previews import Previews, Question
 from billiards_sim.ros.process import (
     announce_often,
     own_arguments,
@@ -66,6 +67,10 @@ of a break needs 0.1 ms of it, or 10 ms where the engine is interpreted."""
 
 TIME_ROUNDING = 1e-9
 """s of simulated time by which a tick may end early without having given way: rounding up to table times of 1e6 s."""
+
+SWITCH_INTERVAL = 5e-4
+"""s that a thread keeps Python's interpreter at most while another waits for it: by so much a preview, which is played
+on a thread of its own, holds up what a tick does. Python's own 5 ms would be five ticks at 1000 Hz."""
 
 LOG_PERIOD = 1.0
 """s between two warnings of one kind in the log; every refusal is answered on its topic."""
@@ -108,6 +113,7 @@ class TableNode(Node):
     Attributes:
         lock: held by whoever uses what is on the table.
         metronome: beats a tick.
+        previews: answers them.
 
     Raises:
         ValueError: bad parameters, see `parameters.read_settings`.
@@ -139,7 +145,7 @@ class TableNode(Node):
 
         self._publisher = StatePublisher(self, self._settings)
         self._shot_result_publisher = self.create_publisher(String, "shot_result", ANSWER_DEPTH)
-        self._previews = Previews(self)
+        self.previews = Previews(self, self._question)
         self._placement_result_publisher = self.create_publisher(String, "placement_result", ANSWER_DEPTH)
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
@@ -265,7 +271,6 @@ class TableNode(Node):
             self._tick_by_clock(now)
         else:
             self._publisher.happenings(self._simulation)
-        self._after_beat()
 
     def _tick_by_clock(self, now: int) -> None:
         elapsed = self._followed.tick(now)
@@ -284,10 +289,6 @@ class TableNode(Node):
         self._log_lost_time()
         self._log_end_of_stamps()
         self._log_dropped_events()
-
-    def _after_beat(self) -> None:
-        # After its messages, and no more than a piece, so that previews delay no tick by more than that.
-        self._previews.go_on(self._simulation, self._stamps, self._settings.frame_id)
 
     @between_ticks
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -323,7 +324,11 @@ class TableNode(Node):
 
     @between_ticks
     def _on_preview(self, message: WrenchStamped) -> None:
-        self._previews.ask(message, self._simulation.time)
+        self.previews.ask(message, self._simulation.time)
+
+    @between_ticks
+    def _question(self) -> Question:
+        return Question(self._simulation.copy(), self._stamps, self._settings.frame_id)
 
     def _on_place_balls(self, message: PoseArray) -> None:
         self._on_placement(message, placed_balls)
@@ -387,7 +392,7 @@ class TableNode(Node):
         forms = self._publisher.prepare(settings)
         self._show(settings.values())
         self._publisher.erase()
-        self._previews.erase()
+        self.previews.erase()
         self._settings = settings
         self._publisher.use(forms)
         self._publisher.table(self._stamp())
@@ -584,10 +589,13 @@ def _serve(node: TableNode) -> None:
             # A signal that comes just before the executor begins to wait is heard when it wakes.
             node.create_timer(LONGEST_WAIT, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
             executor.add_node(node)
-            node.metronome.start(fail=lambda error: executor.create_task(_raise, error))
+            sys.setswitchinterval(SWITCH_INTERVAL)
+            node.metronome.start(fail=lambda error: executor.create_task(_raise, "a tick failed", error))
+            node.previews.start(fail=lambda error: executor.create_task(_raise, "a preview failed", error))
             _spin(node, executor)
     finally:
         node.metronome.stop()
+        node.previews.stop()
         executor.shutdown()
 
 
@@ -611,8 +619,8 @@ def _spin(node: TableNode, executor: SingleThreadedExecutor) -> None:
             node.get_logger().error(f"a request cannot be served: {error}")
 
 
-def _raise(error: Exception) -> None:
-    raise RuntimeError("a tick failed") from error
+def _raise(what: str, error: Exception) -> None:
+    raise RuntimeError(what) from error
 
 
 def _describe(shot: Shot) -> str:

@@ -27,6 +27,18 @@ def test_a_break_is_measured_from_before_the_shot_until_rest(site: Site, scene: 
     assert found["load"] > 0.0
 
 
+def test_previews_are_answered_while_the_ticks_are_measured(site: Site) -> None:
+    load = site.process(
+        *("-m", "billiards_sim.ros.tools.node_load", "--topics", "states", "--previews", "20", "--duration", "2"),
+        command=[sys.executable],
+    )
+    assert load.wait() == 0, load.stderr
+    found = json.loads(load.stdout)
+    assert 1 < found["previews"] <= 80  # at most twice the rate
+    assert 0.0 < found["preview_median"] <= found["preview_p95"]
+    assert found["mean_rate"] > 0.0
+
+
 def test_evenness_of_ticks_of_which_one_is_late() -> None:
     found = evenness([0.0, 0.01, 0.02, 0.05, 0.06], 100.0)
     assert abs(found["mean_rate"] - 4 / 0.06) < 1e-9

@@ -3,7 +3,8 @@
 
 A table of 16 balls in one process; the topics that are asked for subscribed in another, this one. Measured with the
 balls at rest, when twists are quiet, and moving, when every tick carries 16 of them: without rolling friction a break
-off centre keeps every ball moving for minutes. Or in breaks one after the other, each from before the shot until rest.
+off centre keeps every ball moving for minutes. Or in breaks one after the other, each from before the shot until rest;
+or at rest, while previews of breaks are asked for.
 """
 
 from __future__ import annotations
@@ -81,6 +82,8 @@ class Listener(Node):
         self.arrivals: list[float] = []
         self.counts: Counter[str] = Counter()
         self.at_rest: bool | None = None
+        self.asked: list[float] = []  # s of the steady clock, when previews were asked for
+        self.answered: list[float] = []  # and answered, in the same order
         self._topics = tuple(topics)
         self._executor = EventsExecutor()  # the default one is late where 16 000 twists a second arrive
         self._executor.add_node(self)
@@ -90,7 +93,9 @@ class Listener(Node):
             callback = self._on_tick if name == ticks else partial(self._count, name)
             self.create_subscription(kind, topic, callback, DEPTH, raw=True)
         self.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
+        self.create_subscription(String, "preview/result", self._on_preview, DEPTH, raw=True)
         self.cue = self.create_publisher(WrenchStamped, "cue_shot", 1)
+        self.asker = self.create_publisher(WrenchStamped, "cue_shot/preview", DEPTH)
         self.reset = self.create_client(Trigger, "table/reset")
 
     def wait(self, done: Callable[[], bool]) -> None:
@@ -108,20 +113,32 @@ class Listener(Node):
     def pass_time(self, seconds: float) -> None:
         """Take what comes for so long."""
         end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.1)
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=min(left, 0.1))
 
     def hears_all(self) -> bool:
         """Whether the table and this node have found each other on every topic that is measured or used."""
         ticks = self.arrivals or not any(name in self._topics for name in EVERY_TICK)
         twists = self.counts["twists"] >= BALLS or "twists" not in self._topics
-        return bool(ticks and twists and self.cue.get_subscription_count() > 0 and self.reset.service_is_ready())
+        heard = all(publisher.get_subscription_count() > 0 for publisher in (self.cue, self.asker))
+        return bool(ticks and twists and heard and self.reset.service_is_ready())
+
+    def previews(self) -> dict[str, float]:
+        """How many previews were asked for, if any, and the time until their answers, s."""
+        if not self.asked:
+            return {}
+        self.wait(lambda: len(self.answered) == len(self.asked))
+        median, p95 = np.quantile(np.subtract(self.answered, self.asked), (0.5, 0.95)).tolist()
+        return {"previews": len(self.asked), "preview_median": median, "preview_p95": p95}
 
     def _on_tick(self, _: bytes) -> None:
         self.arrivals.append(time.monotonic())
 
     def _count(self, name: str, _: bytes) -> None:
         self.counts[name] += 1
+
+    def _on_preview(self, _: bytes) -> None:
+        self.answered.append(time.monotonic())
 
     def _on_at_rest(self, message: Bool) -> None:
         self.at_rest = message.data
@@ -186,7 +203,7 @@ def topic_names(text: str) -> tuple[str, ...]:
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print one line of JSON for each of the two states, or for each break."""
+    """Measure and print one line of JSON for each of the two states, for each break, or for the previews."""
     parser = Parser(prog="node_load", description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("--duration", type=positive_seconds, default=20.0, metavar="S", help="of each part, s (20)")
     parser.add_argument("--rate", type=positive_seconds, default=100.0, metavar="HZ", help="update_rate (100)")
@@ -198,7 +215,11 @@ def main(arguments: list[str]) -> int:
         help=f"to subscribe: all, none or some of {','.join(TOPICS)} (%(default)s)",
     )
     parser.add_argument("--scene", choices=SCENES, default=SCENES[0], help="of 16 balls (%(default)s)")
-    parser.add_argument("--breaks", type=int, default=0, metavar="N", help="measure N breaks instead")
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument("--breaks", type=int, default=0, metavar="N", help="measure N breaks instead")
+    instead.add_argument(
+        "--previews", type=positive_seconds, metavar="HZ", help="measure at rest, with HZ previews of a break a second"
+    )
 
     def play() -> int:
         options = parser.parse_args(arguments)
@@ -220,8 +241,12 @@ def _measure(options: argparse.Namespace, table_arguments: Sequence[str]) -> Non
 
         def report(balls: str, play: Callable[[], None]) -> None:
             figures = measure(listener, table.pid, options.rate, play)
-            say(json.dumps({"balls": balls, "topics": options.topics, **figures}))
+            say(json.dumps({"balls": balls, "topics": options.topics, **figures, **listener.previews()}))
 
+        if options.previews:
+            force = _force(options.scene, 0.0)
+            report("at rest", partial(_ask, listener, force, options.previews, options.duration))
+            return
         if options.breaks:
             aims = np.random.default_rng(1).uniform(-WIDEST_AIM, WIDEST_AIM, options.breaks)
             for aim in aims.tolist():
@@ -249,6 +274,18 @@ def _break(listener: Listener, along: float, across: float) -> None:
     listener.wait(lambda: listener.at_rest is False)
     listener.wait(lambda: listener.at_rest is True)
     listener.pass_time(SETTLING)
+
+
+def _ask(listener: Listener, force: Sequence[float], rate: float, duration: float) -> None:
+    # At times that keep no step with the ticks.
+    message, end = wrench_from_shot((*force, 0.0), (0.0, 0.0)), time.monotonic() + duration
+    pauses = np.random.default_rng(1).uniform(0.5 / rate, 1.5 / rate, math.ceil(2.0 * rate * duration))
+    for pause in pauses.tolist():
+        if time.monotonic() >= end:
+            return
+        listener.asked.append(time.monotonic())
+        listener.asker.publish(message)
+        listener.pass_time(pause)
 
 
 if __name__ == "__main__":
