@@ -8,6 +8,7 @@ exception of a user's handler cannot come amidst, and be taken for a failure her
 
 from __future__ import annotations
 
+import _thread
 import atexit
 import ctypes
 import importlib.util
@@ -44,25 +45,24 @@ _busy = threading.Lock()
 """Held for the milliseconds that neither a fork nor the end of the process may cut short."""
 
 
-class Search(threading.Thread):
-    """Brings machine code.
+class Search:
+    """Brings machine code, on a thread.
 
     Attributes:
         looked: set when code that was kept is loaded, or there is none.
-        ended: set when there is nothing more to wait for. (An interrupt of `join` has older Pythons take a thread for
-            ended.)
+        ended: set when there is nothing more to wait for.
         maker: the other process, if there was none.
         failure: why nothing came.
     """
 
     def __init__(self) -> None:
-        super().__init__(name="billiards_sim machine code", daemon=True)
         self.looked = threading.Event()
         self.ended = threading.Event()
         self.maker: object_file.Maker | None = None
         self.failure = ""
 
-    def run(self) -> None:
+    def bring(self) -> None:
+        """Do it; once."""
         try:
             self._look()
             self.looked.set()
@@ -112,7 +112,7 @@ def seek() -> None:
         if wanted and _search is None:
             search = Search()
             with suppress(RuntimeError):  # the process ends, and has no more threads
-                search.start()
+                _begin(search.bring)
                 _search = search
         _sought = True
     if _search is not None:
@@ -158,8 +158,14 @@ def _go_own_way(search: Search) -> None:
             ended.set()
 
     _say(f"compiling the engine in this process, since another one did not: {search.failure}")
-    threading.Thread(target=compile_here, daemon=True).start()
+    _begin(compile_here)
     ended.wait()
+
+
+def _begin(work: Callable[[], None]) -> None:
+    # An exception that a handler of signals raises amidst `threading.Thread.start` breaks the thread that is started,
+    # one amidst `join` has older Pythons take it for ended.
+    _thread.start_new_thread(work, ())
 
 
 def _say(what: str) -> None:

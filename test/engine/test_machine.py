@@ -150,7 +150,7 @@ def is_alive(compiler: tuple[int, int]) -> bool:
 
 def test_nothing_starts_before_something_plays(site: Site) -> None:
     made = "bs.Simulation(bs.scenes.rack()).copy()"
-    look = "print(threading.active_count(), [name for name in ('numba', 'llvmlite') if name in sys.modules])"
+    look = "print(len(sys._current_frames()), [name for name in ('numba', 'llvmlite') if name in sys.modules])"
     assert site.run(f"{made}\n{look}") == ("1 []", "")
 
 
@@ -421,10 +421,26 @@ print(heard, bs.compile())
     assert site.run(code) == ("40 True", "")
 
 
+def test_a_thread_is_started_whole_whatever_a_handler_of_signals_raises(site: Site) -> None:
+    code = """
+import signal
+def ring(*_): raise TimeoutError
+signal.signal(signal.SIGALRM, ring)
+for attempt in range(2000):
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 1e-6 * (1 + attempt % 100))
+        machine._begin(lambda: None)
+        while True: time.sleep(0.0005)
+    except TimeoutError:
+        pass
+"""
+    assert site.run(code) == ("", "")
+
+
 @pytest.mark.parametrize("variable, value", [("BILLIARDS_SIM_COMPILE", "0"), ("NUMBA_DISABLE_JIT", "1")])
 def test_the_engine_is_interpreted_where_that_is_wanted(site: Site, variable: str, value: str) -> None:
     site.environment[variable] = value
-    code = "print(play(), bs.compile(), threading.active_count(), 'llvmlite' in sys.modules)"
+    code = "print(play(), bs.compile(), len(sys._current_frames()), 'llvmlite' in sys.modules)"
     assert site.run(code) == ("10 False 1 False", "")
 
 
