@@ -158,6 +158,13 @@ def test_a_ball_is_dragged_refused_taken_off_and_all_is_undone(page: Page) -> No
     page.drag(moved, start[0])
     page.until(lambda: "balls 'cue' and '1' overlap" in page.said)
     assert page.places[1] == moved
+    page(f"{STATE}.refused = Infinity")  # a moment that does not pass
+    page.move((2.0, 0.6))
+    page.preview()
+    assert "overlap" in page.said
+    page(f"{STATE}.refused = -Infinity")  # long ago
+    page.move((2.0, 0.7))
+    page.until(lambda: page.said.startswith("This shot"))
     page.drag(moved, (1.4, -0.02))
     page.until(lambda: page.places[1] is None)
     page.page.click("[data-ball='1']")

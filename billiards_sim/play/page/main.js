@@ -12,6 +12,7 @@ import { ballName, summary } from "./words.js";
 const DRAG = 5; // px that a pointer moves before it drags
 const TOUCH = 14; // px, radius within which a finger finds a ball
 const FINE = Math.PI / 1800; // rad, of a key
+const NOTICE = 4000; // ms that a refusal can be read, whatever is foreseen meanwhile
 
 const $ = (selector) => document.querySelector(selector);
 const canvas = $("#table");
@@ -19,6 +20,7 @@ const view = new View(canvas);
 const state = { first: true, table: null, menu: null, preview: null, drag: null, dropped: null, turning: null };
 state.rolling = false; // of a table that runs elsewhere
 state.greets = false; // says how to begin, until somebody does
+state.refused = -NOTICE; // when it was said why something cannot be, ms
 const turns = {}; // how the balls were turned where the last run ended, by name
 
 const server = new Server(heard, (up) => {
@@ -59,11 +61,11 @@ function heard(message) {
     state.turning = new Turning(shown, shown.names.map(turnOf));
     player.load(shown);
     $("#happened").textContent = summary(shown);
-    say("");
+    remark("");
   } else if (!state.menu.live) {
     player.clear();
     $("#happened").textContent = "";
-    if (before) say("");
+    if (before) remark("");
   }
   if (state.first) open(message.aim);
   else if (message.aim) aimAsGiven(message.aim);
@@ -82,7 +84,7 @@ function showState({ balls: places, at_rest: atRest }) {
   if (atRest !== !state.rolling) {
     state.rolling = !atRest;
     state.preview = null;
-    say("");
+    remark("");
     ask.preview();
   }
   draw();
@@ -148,13 +150,20 @@ function say(text, bad = false) {
   line.classList.toggle("bad", bad);
 }
 
+// What nobody has asked for.
+function remark(text) {
+  if (performance.now() - state.refused >= NOTICE) say(text);
+}
+
 // ---- what is asked for
 
 async function change(message) {
   state.greets = false;
+  state.refused = -NOTICE;
   const answer = await server.ask(message);
   if (answer.error) {
     say(answer.error, true);
+    state.refused = performance.now();
     showPanel();
     draw();
   }
@@ -168,7 +177,7 @@ const ask = {
   async preview() {
     if (!state.table || player.shows || state.rolling) return;
     if (!cueBall()) {
-      say("The cue ball is off the table: click where it is to lie.");
+      remark("The cue ball is off the table: click where it is to lie.");
       return;
     }
     if (this.busy) {
@@ -193,7 +202,7 @@ const ask = {
       without: answer.without ? withFalls(answer.without) : null,
     };
     if (answer.error) say(answer.error, true);
-    else if (!player.shows && !state.greets) say(foreseen(state.preview.run));
+    else if (!player.shows && !state.greets) remark(foreseen(state.preview.run));
     draw();
   },
 };
