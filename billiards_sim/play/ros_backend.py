@@ -85,12 +85,13 @@ class RosBackend(Backend):
         self._at_rest = True
         self._events: list[Message] = []
         self._began = 0.0  # s of the table's time, of the last shot
-        self._summing: asyncio.TimerHandle | None = None
         self._due = 0.0
         self._listening: list[Any] = []
         self._before: deque[Position] = deque(maxlen=MOST_UNDONE)  # positions at rest that can be gone back to
-        self._noting: asyncio.TimerHandle | None = None
-        self._rereading: asyncio.TimerHandle | None = None
+        self._note_soon = Lull(self._note)
+        self._sum_up_soon = Lull(self._sum_up)
+        self._reread_soon = Lull(self._begin_to_reread)
+        self._rereading: asyncio.Task[None] | None = None  # asyncio keeps none that nobody holds
         for topic in ("shot_result", "preview/result", "placement_result"):
             self._node.create_subscription(String, topic, self._on_answer, 100)
         self._node.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
@@ -434,11 +435,6 @@ class RosBackend(Backend):
             self._note_soon()
             self._renew()
 
-    def _note_soon(self) -> None:
-        if self._noting is not None:
-            self._noting.cancel()
-        self._noting = asyncio.get_running_loop().call_later(QUIET, self._note)
-
     def _note(self) -> None:
         # What lay at the last rest can be gone back to, whoever has shot or placed since.
         position = self._position()
@@ -449,11 +445,8 @@ class RosBackend(Backend):
         self._rested = position
         self._renew()
 
-    def _reread_soon(self) -> None:
-        if self._rereading is not None:
-            self._rereading.cancel()
-        loop = asyncio.get_running_loop()
-        self._rereading = loop.call_later(QUIET, lambda: loop.create_task(self._reread_again()))
+    def _begin_to_reread(self) -> None:
+        self._rereading = asyncio.get_running_loop().create_task(self._reread_again())
 
     async def _reread_again(self) -> None:
         try:
@@ -468,11 +461,6 @@ class RosBackend(Backend):
             self._began, self._events = shots[-1], []
         self._events += [event for event in events if event["time"] >= self._began]
         self._sum_up_soon()
-
-    def _sum_up_soon(self) -> None:
-        if self._summing is not None:
-            self._summing.cancel()
-        self._summing = asyncio.get_running_loop().call_later(QUIET, self._sum_up)
 
     def _sum_up(self) -> None:
         if self._at_rest and self._events:
@@ -498,6 +486,19 @@ class RosBackend(Backend):
             if time.monotonic() > deadline:
                 raise Failure(f"{missing} within {PATIENCE:g} s")
             self._executor.spin_once(timeout_sec=0.1)
+
+
+class Lull:
+    """Has something done when nothing has called for it for `QUIET`."""
+
+    def __init__(self, work: Callable[[], object]) -> None:
+        self._work = work
+        self._due: asyncio.TimerHandle | None = None
+
+    def __call__(self) -> None:
+        if self._due is not None:
+            self._due.cancel()
+        self._due = asyncio.get_running_loop().call_later(QUIET, self._work)
 
 
 class Turning:
