@@ -144,12 +144,17 @@ def _check_installed() -> None:
 
 def _results(options: argparse.Namespace) -> dict[str, Any]:
     if options.source:
+        for option in ("quick", "seeds", "parts"):
+            if getattr(options, option):
+                raise Refusal(f"--from takes figures that were measured: leave out --{option}")
         try:
             return read(options.source)
         except ValueError as error:
             raise Refusal(f"{options.source}: {error}") from None
-    options.output.mkdir(parents=True, exist_ok=True)  # rather an error now than after the study
     parts = options.parts or (QUICK_PARTS if options.quick else PARTS)
+    if options.seeds and "speed" not in parts:
+        raise Refusal("--seeds needs the part speed")
+    options.output.mkdir(parents=True, exist_ok=True)  # rather an error now than after the study
     return measure(tuple(parts), options.quick, options.seeds or (QUICK_SEEDS if options.quick else SEEDS))
 
 

@@ -49,6 +49,9 @@ does not hit quite as meant, and print the best ones. The balls must rest. --ros
 Exit code 0: done; 1: no shot was found, there is no table, or it refused the shot; 2: bad arguments, or a file that
 cannot be read or written."""
 
+TIMEOUT = 10.0
+"""s that a running table has to be found, and for each answer."""
+
 TRIES = 100
 """Plays with noise of a shot that fails without, to find one that shows how it succeeds."""
 
@@ -117,7 +120,9 @@ def parser() -> Parser:
     table = options.add_argument_group("a running table")
     table.add_argument("--ros", action="store_true", help="plan for the balls on the table that publishes balls/states")
     table.add_argument("--shoot", action="store_true", help="with --ros: shoot the best shot")
-    table.add_argument("--timeout", type=positive_seconds, default=10.0, metavar="S", help="longest wait, s (10)")
+    table.add_argument(
+        "--timeout", type=positive_seconds, metavar="S", help=f"with --ros: longest wait, s ({TIMEOUT:g})"
+    )
     return options
 
 
@@ -147,6 +152,8 @@ def _plan(arguments: list[str]) -> int:
     options = parser().parse_args(arguments)
     if options.shoot:
         raise Refusal("--shoot needs --ros: there is no table to shoot on")
+    if options.timeout is not None:
+        raise Refusal("--timeout needs --ros: there is no table to wait for")
     if options.scene is None:
         raise Refusal("give a SCENE, or --ros (see plan --help)")
     check_outputs(options)

@@ -65,7 +65,6 @@ def _parser() -> Parser:
     parser.add_argument(
         "--time-step",
         type=positive_seconds,
-        default=TIME_STEP,
         metavar="DT",
         help=f"s, of time_step and paper ({TIME_STEP:g})",
     )
@@ -75,7 +74,6 @@ def _parser() -> Parser:
     parser.add_argument(
         "--sample",
         type=positive_seconds,
-        default=SAMPLE,
         metavar="DT",
         help=f"s between the times of --csv ({SAMPLE:g}); time_step and paper write each of their steps",
     )
@@ -91,6 +89,7 @@ def _parser() -> Parser:
 
 
 def _simulate(options: argparse.Namespace) -> int:
+    _check_company(options)
     _check_outputs(options)
     scene = _scene(options)
     recording = _record(scene, options)
@@ -105,6 +104,19 @@ def _simulate(options: argparse.Namespace) -> int:
                 raise Refusal(f"--{option}: {error}") from None
             say(f"  wrote           {path}")
     return 0
+
+
+def _check_company(options: argparse.Namespace) -> None:
+    """Refuse options that would do nothing beside the others, and fill in what is left to its default."""
+    for option, other in (("rate", "bag"), ("sample", "csv")):
+        if getattr(options, option) is not None and getattr(options, other) is None:
+            raise Refusal(f"--{option} needs --{other}")
+    if options.time_step is not None and options.solver == "event":
+        raise Refusal("--time-step needs --solver time_step or paper: event takes no steps")
+    if options.sample is not None and options.solver != "event":
+        raise Refusal(f"--sample needs --solver event: {options.solver} writes each of its steps")
+    options.time_step = options.time_step or TIME_STEP
+    options.sample = options.sample or SAMPLE
 
 
 def _check_outputs(options: argparse.Namespace) -> None:

@@ -460,11 +460,15 @@ def test_every_part_is_in_the_report_and_the_pictures(tmp_path: Path) -> None:
         ("--from", str(REPOSITORY / "billiards_sim" / "study" / "truth.json")),
         ("--from", str(README)),
         ("--from", str(FIGURES), "--output", "/proc/nowhere"),
+        ("--from", str(FIGURES), "--output", "{tmp}", "--quick"),
+        ("--from", str(FIGURES), "--output", "{tmp}", "--seeds", "3"),
+        ("--from", str(FIGURES), "--output", "{tmp}", "--parts", "speed"),
+        ("--parts", "chaos", "--seeds", "3", "--output", "{tmp}", "--quick"),
     ],
     ids=" ".join,
 )
-def test_a_mistake_is_one_line_and_code_2(arguments: tuple[str, ...]) -> None:
-    done = run(*arguments)
+def test_a_mistake_is_one_line_and_code_2(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    done = run(*(argument.replace("{tmp}", str(tmp_path)) for argument in arguments))
     assert done.returncode == 2
     assert done.stderr.startswith("benchmark: ")
     assert done.stderr.count("\n") == 1

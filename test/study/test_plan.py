@@ -155,6 +155,7 @@ REFUSED = [
     (("nine_ball", "--pocket", "left"), "no pocket is named 'left'; the pockets are x_min_y_min"),
     (("nine_ball", "--first", "cue"), "the ball to be met first must be another than 'cue'"),
     (("nine_ball", "--shoot"), "--shoot needs --ros: there is no table to shoot on"),
+    (("nine_ball", "--timeout", "5"), "--timeout needs --ros: there is no table to wait for"),
     (("nine_ball", "--samples", "0"), "argument --samples: must be a whole number from 1 to 100000, got 0"),
     (("nine_ball", "--samples", "1e3"), "must be a whole number from 1 to 100000, got 1e3"),
     (("nine_ball", "--best", "101"), "argument --best: must be a whole number from 1 to 100, got 101"),

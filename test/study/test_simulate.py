@@ -347,6 +347,13 @@ REFUSED = [
     (("head_on", "--until", "nan"), "--until", "nan"),
     (("head_on", "--time-step", "0"), "--time-step"),
     (("head_on", "--csv", "{tmp}/out.csv", "--sample", "0"), "--sample"),
+    (("head_on", "--rate", "30"), "--rate needs --bag"),
+    (("head_on", "--sample", "0.1", "--json", "{tmp}/out"), "--sample needs --csv"),
+    (("head_on", "--time-step", "0.01"), "--time-step needs --solver time_step or paper"),
+    (
+        ("head_on", "--solver", "time_step", "--csv", "{tmp}/out.csv", "--sample", "0.1"),
+        "--sample needs --solver event: time_step writes each of its steps",
+    ),
     (("head_on", "--csv", "{tmp}/out.csv", "--until", "1e300"), "--until 1e+300", "times", "at most 1000000"),
     (("head_on", "--csv", "{tmp}/out.csv", "--until", "1", "--sample", "1e-300"), "1e-300 s apart", "at most 1000000"),
     pytest.param(

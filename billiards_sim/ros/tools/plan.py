@@ -14,7 +14,7 @@ from billiards_sim.ros import parameters
 from billiards_sim.ros.process import own_arguments, ros
 from billiards_sim.ros.tools.shoot import LONGEST_REST, NoAnswer, Shooter
 from billiards_sim.ros.wrench import wrench_from_shot
-from billiards_sim.study.plan import check_outputs, parser, plan, write
+from billiards_sim.study.plan import TIMEOUT, check_outputs, parser, plan, write
 
 
 def plan_and_shoot(arguments: list[str]) -> int:
@@ -32,7 +32,7 @@ def plan_and_shoot(arguments: list[str]) -> int:
 
 
 def _play(options: argparse.Namespace) -> int:
-    table = Shooter(options.timeout, "plan")
+    table = Shooter(options.timeout or TIMEOUT, "plan")
     table.wait_for_rest(LONGEST_REST)
     scene = _scene(table)
     made = plan(scene, options)
