@@ -51,6 +51,7 @@ PLAY = """
 import sys, threading, time
 import billiards_sim as bs
 from billiards_sim.engine import machine
+machine.PATIENCE = 3600.0  # nothing is said of a wait, however slow the machine is
 def play():
     return len(bs.Simulation(bs.scenes.head_on()).run())
 """

@@ -21,6 +21,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
@@ -118,6 +119,7 @@ class Client:
         self.node = rclpy.create_node("client", namespace=namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._subscriptions: dict[str, Subscription] = {}
         self.poses: list[PoseArray] = []
         self._sent_poses: deque[tuple[PoseArray, int]] = deque(maxlen=DEPTH)  # and when, ns of the wall clock
         self.states: list[MultiDOFJointState] = []
@@ -164,6 +166,11 @@ class Client:
                 and self._parameters.services_are_ready()
             )
         )
+
+    def ignore(self, *topics: str) -> None:
+        """Hear no more of these."""
+        for topic in topics:
+            self.node.destroy_subscription(self._subscriptions.pop(topic))
 
     def spin_until(self, done: Callable[[], object], timeout: float = TIMEOUT) -> None:
         deadline = time.monotonic() + timeout
@@ -276,7 +283,7 @@ class Client:
         self.collisions += content["events"]
 
     def _subscribe(self, kind: type, topic: str, callback: Callable, qos: QoSProfile | int = DEPTH) -> None:
-        self.node.create_subscription(kind, topic, callback, qos)
+        self._subscriptions[topic] = self.node.create_subscription(kind, topic, callback, qos)
 
 
 def _parameters(values: Mapping[str, object]) -> list[rclpy.Parameter]:

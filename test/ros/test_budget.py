@@ -31,6 +31,7 @@ def test_a_shot_without_end_stops_nothing(site: Site) -> None:
     assert (foreseen["accepted"], foreseen["complete"], len(foreseen["events"])) == (True, False, preview.MOST_EVENTS)
     assert client.shoot(message)["accepted"]
     client.spin_until(lambda: len(client.collisions) > 1000)
+    client.ignore("collisions", "markers")  # hundreds of events a tick may be more than this process has the time for
     client.fresh_poses(20)
     table.wait_for("the table does not keep up: stamps fall")
     assert "every ball must rest before a preview" in client.preview(message)["reason"]
