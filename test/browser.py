@@ -148,8 +148,13 @@ class Page:
         simulation.shoot(**self("billiards.aim.values"))
         return simulation, bs.record(simulation)
 
+    def link(self) -> str:
+        """That in the address bar, once it is that of the position and the aim."""
+        wanted = f"({{ encoded }}) => encoded({{ scene: {STATE}.table.link, aim: billiards.aim.values }})"
+        self.until(lambda: self(f"import('./link.js').then({wanted}).then((link) => location.hash === `#${{link}}`)"))
+        return str(self("location.hash"))
+
     def scene(self) -> bs.Scene:
         """The scene of the link in the address bar."""
-        self.page.wait_for_timeout(400)
-        link = self("import('./link.js').then(({ decoded }) => decoded(location.hash.slice(1)))")
+        link = self("(link) => import('./link.js').then(({ decoded }) => decoded(link.slice(1)))", self.link())
         return read_scene(json.dumps(link["scene"]))

@@ -101,7 +101,7 @@ def test_a_shot_is_played_with_the_engines_bits_and_ends_where_it_ends(page: Pag
     scene = bs.scenes.eight_ball()
     page.move((2.0, 0.785))
     page.preview()
-    page.choose("[data-player=rate]", "4")
+    page.choose("[data-player=rate]", "0.25")  # so that it is still on when it is paused
     simulation, run = page.aimed(scene)
     page("document.querySelector('#table').focus()")
     page.page.keyboard.press("Space")
@@ -120,6 +120,8 @@ def test_a_shot_is_played_with_the_engines_bits_and_ends_where_it_ends(page: Pag
     ticked = page("billiards.player.time")
     assert ticked != time
     assert ticked == pytest.approx(0.01 * round(ticked / 0.01), abs=1e-9)
+    page.choose("[data-player=rate]", "4")
+    page("document.querySelector('#table').focus()")
     page.page.keyboard.press("p")
     page.until(lambda: not page("billiards.player.shows"))
     assert page.places == in_play(simulation)
@@ -181,7 +183,8 @@ def test_a_cue_ball_that_fell_is_put_where_one_clicks(page: Page) -> None:
     page("(values) => billiards.aim.setAll(values)", scratch)
     page.preview()
     page.page.click("#shoot")
-    page.page.click("#shoot")
+    page.until(lambda: page("billiards.player.run !== null"))
+    page.page.click("[data-player=end]")
     page.until(lambda: page.places[0] is None and "The cue ball is off the table" in page.said)
     page.page.mouse.click(*page.on_screen(page.places[1]))
     page.until(lambda: "balls 'cue' and '1' overlap" in page.said)
@@ -224,8 +227,7 @@ def test_a_link_brings_back_position_and_aim_on_another_server(page: Page, brows
     simulation, _ = page.aimed(bs.scenes.eight_ball())
     page.page.click("#shoot")
     page.until(lambda: page.places == in_play(simulation))
-    page.page.wait_for_timeout(400)
-    link, places = page("location.hash"), page.places
+    link, places = page.link(), page.places
     page.page.reload()
     page.until(lambda: page("window.billiards?.state.table?.balls.length"))
     assert page.places == places
@@ -234,8 +236,8 @@ def test_a_link_brings_back_position_and_aim_on_another_server(page: Page, brows
         context = browser.new_context()
         opened = Page(context.new_page()).open(f"{other.address}{link}")
         opened.until(lambda: opened.places == places)
-        aim = opened("billiards.aim.values")
-        assert (aim["speed"], aim["side"], aim["up"]) == (5, 0.25, -0.125)
+        aim = {"speed": 5, "azimuth": 0.02, "side": 0.25, "up": -0.125, "elevation": 0}
+        opened.until(lambda: opened("billiards.aim.values") == aim)  # the table brings another, then comes the link's
         assert opened.trouble == []
         context.close()
     finally:
@@ -262,10 +264,12 @@ def test_two_pages_see_the_same_table(page: Page, browser: Any, server: Server) 
     context = browser.new_context()
     other = Page(context.new_page()).open(server.address)
     page.drag(page.places[0], (0.5, 0.4))
-    other.until(lambda: other.places[0] == pytest.approx([0.5, 0.4], abs=2e-3))
+    for one in (page, other):
+        one.until(lambda one=one: one.places[0] == pytest.approx([0.5, 0.4], abs=2e-3))
     assert other.places == page.places
     other.page.click("#shoot")
-    page.until(lambda: page("billiards.player.run !== null"))
+    for one in (page, other):
+        one.until(lambda one=one: one("billiards.player.run !== null"))
     assert page("billiards.player.run.arcs") == other("billiards.player.run.arcs")
     context.close()
 
@@ -298,9 +302,9 @@ def test_balls_roll_at_the_speed_that_is_chosen(page: Page, rate: str) -> None:
             requestAnimationFrame(look);
         })"""
     )
-    even = [shown / passed for passed, shown in shares if passed < 0.1]
-    assert len(even) > 3
-    assert even == pytest.approx([float(rate)] * len(even), rel=1e-6)
+    # of a longer frame, as of a page that was hidden, a tenth of a second counts
+    wanted = [float(rate) * min(passed, 0.1) for passed, _ in shares]
+    assert [shown for _, shown in shares] == pytest.approx(wanted, abs=1e-6)
 
 
 def test_a_scene_file_is_dropped_on_the_page(page: Page) -> None:

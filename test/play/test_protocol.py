@@ -438,8 +438,9 @@ def test_a_flood_is_refused_and_others_are_served_meanwhile() -> None:
         for _ in range(10_000):
             await flooding.send("{bad")
         assert "run" in await page.ask(do="preview", shot=BREAK)
-        await asyncio.sleep(2.0 * server.BURST / server.RATE)  # until the allowance has come back
-        await flooding.send('{"id": 7, "do": "nothing"}')
+        while not reading.done():  # the allowance comes back to whoever asks ten times a second
+            await flooding.send('{"id": 7, "do": "nothing"}')
+            await asyncio.wait([reading], timeout=0.1)
         await reading
         dropped = [line for line in complaints if line.startswith("more than 100 messages a second")]
         assert 1 <= len(dropped) <= 60
@@ -451,20 +452,25 @@ def test_a_flood_is_refused_and_others_are_served_meanwhile() -> None:
 def test_of_many_previews_the_latest_is_answered_and_the_rest_is_dropped() -> None:
     async def about(table: Table) -> None:
         page = await table.page()
-        gate = asyncio.Event()
+        begun, gate = asyncio.Event(), asyncio.Event()
         answer = table.backend.answer
 
         async def slow(asked: Any) -> Any:
+            begun.set()
             await gate.wait()
             return await answer(asked)
 
-        table.backend.answer = slow  # type: ignore[method-assign]
-        for identity in range(1, 6):
+        async def send(identity: int) -> None:
             await page.send(json.dumps({"id": identity, "do": "preview", "shot": {"speed": float(identity)}}))
-            await asyncio.sleep(0.05)
+
+        table.backend.answer = slow  # type: ignore[method-assign]
+        await send(1)
+        await begun.wait()
+        for identity in range(2, 6):
+            await send(identity)
+        assert [await page.read() for _ in range(3)] == [{"id": number, "dropped": True} for number in (2, 3, 4)]
         gate.set()
-        answers = [await page.read() for _ in range(5)]
-        assert [one["id"] for one in answers if one.get("dropped")] == [2, 3, 4]
+        answers = [await page.read() for _ in range(2)]
         assert [one["id"] for one in answers if "run" in one] == [1, 5]
 
     talk(about)
@@ -521,7 +527,8 @@ def test_no_more_pages_than_are_allowed() -> None:
         more = await table.page(greeted=False)
         assert await more.read() is None
         table.pages[0].connection.close()
-        await asyncio.sleep(0.2)
+        while len(table.backend.tell.__self__.all) == server.MOST_PAGES:  # type: ignore[attr-defined]
+            await asyncio.sleep(0.01)
         await table.page()
 
     talk(about)

@@ -82,9 +82,7 @@ def test_a_link_moves_no_balls_of_a_running_table(browser: Any, site: Site) -> N
     address = play.stdout.split()[1]
     context = browser.new_context()
     page = Page(context.new_page()).open(address)
-    start = page.places
-    page.page.wait_for_timeout(400)
-    link = page("location.hash")
+    start, link = page.places, page.link()
     page.drag(start[0], (0.5, 0.4))
     page.until(lambda: page.places != start)
     moved = page.places
@@ -92,5 +90,5 @@ def test_a_link_moves_no_balls_of_a_running_table(browser: Any, site: Site) -> N
     other.preview()
     assert other.places == moved
     assert page.places == moved
-    assert page.scene().positions.tolist() == moved
+    page.until(lambda: page.scene().positions.tolist() == moved)
     context.close()
