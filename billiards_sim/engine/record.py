@@ -151,7 +151,7 @@ class Run:
     def _path_times(self, ball: int, stops: Array) -> Array:
         # (K,) the stops, (S,), and what is needed between two of them.
         first, last = self._first[ball : ball + 2]
-        began, sizes = self._times[first:last], np.hypot(*self._accelerations[first:last].T)
+        began, sizes = self._times[first:last], self._sizes[first:last]
         begin, end = stops[:-1], stops[1:]
         low = np.searchsorted(began, self._inner(begin), "right") - 1
         high = np.searchsorted(began, self._inner(end), "left")
@@ -176,19 +176,16 @@ class Run:
         # From when to when there is an arc of its own, with its acceleration, or a single line through several, 0,
         # where a ball goes through hundreds, as in touch with another. On a line of duration T on which the velocity
         # changes by A in all, the ball stays within A T/4.
-        velocities, accelerations = self._velocities[low:high], self._accelerations[low:high]
-        began = self._times[low:high] + self._epoch
-        times = np.array([begin, *np.clip(began[1:], begin, end).tolist(), end])
-        sizes = np.hypot(*accelerations.T)
-        left = velocities[:-1] + accelerations[:-1] * (began[1:] - began[:-1])[:, np.newaxis]
-        jumps = [0.0, *np.hypot(*(velocities[1:] - left).T).tolist()]
+        began = np.clip(self._times[low + 1 : high] + self._epoch, begin, end)
+        times = [begin, *began.tolist(), end]
+        jumps, sizes = [0.0, *self._jumps[low : high - 1].tolist()], self._sizes[low:high].tolist()
         lines: list[tuple[float, float, float]] = []
         since, change, alone = begin, 0.0, 0.0
-        steps = zip(times.tolist(), times[1:].tolist(), jumps, (sizes * np.diff(times)).tolist(), sizes.tolist())
-        for start, stop, jump, gain, size in steps:
+        for start, stop, jump, size in zip(times, times[1:], jumps, sizes):
             change += jump
             if stop == start:
                 continue
+            gain = size * (stop - start)
             if start > since and (stop - since) * (change + gain) > 4.0 * CHORD:
                 lines.append((since, start, alone))
                 since, change = start, 0.0
@@ -235,6 +232,18 @@ class Run:
             for ball in event.balls:
                 times[ball].append(max(event.time, self.start))
         return times
+
+    @cached_property
+    def _sizes(self) -> Array:
+        # (arcs,) of the accelerations, m/s^2.
+        return np.hypot(*self._accelerations.T)
+
+    @cached_property
+    def _jumps(self) -> Array:
+        # (arcs - 1,) m/s, by how much the velocity changes from the end of an arc to the next of the same ball.
+        began = self._times + self._epoch
+        ends = self._velocities[:-1] + self._accelerations[:-1] * np.diff(began)[:, np.newaxis]
+        return np.hypot(*(self._velocities[1:] - ends).T)
 
     @cached_property
     def _falls(self) -> dict[str, Event]:
