@@ -6,17 +6,19 @@ An entry becomes a function of addresses and numbers: for each block that it tak
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from typing import Any, get_type_hints
 
 import numba
 from llvmlite import ir
+from numba import extending
 from numba.core import types
+from numba.core.cgutils import create_struct_proxy
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic, register_jitable
-from numba.np.arrayobj import populate_array
 
 from billiards_sim.engine.kernels.entries import ENTRIES
 from billiards_sim.engine.kernels.kernel import INLINED, KERNELS
@@ -25,7 +27,9 @@ from billiards_sim.engine.tables import record_layout, record_types
 OPTIONS = {"_nrt": False}
 """Kernels allocate nothing. Without the counting of references to arrays they run a quarter faster."""
 
-T: Any = types  # typed in part
+T: Any = types  # typed in part, as what follows
+X: Any = extending
+fields_of: Any = create_struct_proxy
 
 SCALARS = {float: T.float64, int: T.int64, type(None): T.void}
 
@@ -83,7 +87,7 @@ class _Part(JITCodeLibrary):
 class _Whole(JITCodeLibrary):
     """All of it, in which only the entries can be called from outside.
 
-    So kernels need not be called as Numba calls them, with each table as seven numbers: some 80 for a state.
+    So kernels need not be called as Numba calls them, with two numbers for each table of a state.
     """
 
     def _optimize_final_module(self) -> None:
@@ -114,11 +118,52 @@ def _export(context: Any, module: Any, name: str, compiled: Any) -> None:
     builder.ret(status.code)
 
 
+class Table(T.Type):  # type: ignore[misc]
+    """Rows of a block, one after the other.
+
+    Unlike an array of Numba's it takes no negative index, which kernels have no use for: each look at a row would ask
+    whether its index is one.
+    """
+
+    def __init__(self, row: Any) -> None:
+        self.row = row
+        super().__init__(f"Table({row})")
+
+
+class _TableModel(X.models.StructModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, table: Table) -> None:
+        super().__init__(manager, table, [("rows", T.CPointer(table.row)), ("count", T.intp)])
+
+
+def _type_row(_: Any) -> Callable[..., Any]:
+    return lambda table, index: table.row if isinstance(table, Table) and isinstance(index, T.Integer) else None
+
+
+def _type_count(_: Any) -> Callable[..., Any]:
+    return lambda table: T.intp if isinstance(table, Table) else None
+
+
+def _row(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    table = fields_of(signature.args[0])(context, builder, arguments[0])
+    return builder.gep(table.rows, [arguments[1]], inbounds=True)
+
+
+def _count(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return fields_of(signature.args[0])(context, builder, arguments[0]).count
+
+
+X.register_model(Table)(_TableModel)
+X.type_callable(operator.getitem)(_type_row)
+X.type_callable(len)(_type_count)
+X.lower_builtin(operator.getitem, Table, T.Integer)(_row)
+X.lower_builtin(len, Table)(_count)
+
+
 def _opener(kind: Any) -> Any:
-    # What makes a block of its address: arrays that look into it, after what its head says of them.
+    # What makes a block of its address: tables that look into it, after what its head says of them.
     row_types: list[Any] = [numba.from_dtype(record_layout(record)) for record in record_types(kind).values()]
-    array_types = [T.Array(row, 1, "C") for row in row_types]
-    block_type = T.NamedTuple(array_types, kind)
+    table_types = [Table(row) for row in row_types]
+    block_type = T.NamedTuple(table_types, kind)
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         address = arguments[0]
@@ -127,15 +172,13 @@ def _opener(kind: Any) -> Any:
         def entry_of_head(index: int) -> Any:
             return builder.load(builder.gep(head, [context.get_constant(T.intp, index)]))
 
-        arrays = []
-        for index, (row_type, array_type) in enumerate(zip(row_types, array_types)):
-            array = context.make_array(array_type)(context, builder)
-            size = context.get_constant(T.intp, row_type.size)
-            data = builder.inttoptr(builder.add(address, entry_of_head(2 * index)), array.data.type)
-            fill: Any = populate_array
-            fill(array, data, [entry_of_head(2 * index + 1)], [size], size, meminfo=None)
-            arrays.append(array._getvalue())
-        return context.make_tuple(builder, block_type, arrays)
+        tables = []
+        for index, table_type in enumerate(table_types):
+            table = fields_of(table_type)(context, builder)
+            table.rows = builder.inttoptr(builder.add(address, entry_of_head(2 * index)), table.rows.type)
+            table.count = entry_of_head(2 * index + 1)
+            tables.append(table._getvalue())
+        return context.make_tuple(builder, block_type, tables)
 
     @intrinsic
     def opened(_: Any, address: Any) -> Any:

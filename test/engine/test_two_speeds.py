@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from pocket_checks import mouth_scene
 from test_copies import midway, rest
 
 import billiards_sim as bs
-from billiards_sim.engine import machine
+from billiards_sim.engine import machine, tables
 from billiards_sim.engine import simulation as simulation_module
 
 HERE = Path(__file__).parent
@@ -66,6 +67,29 @@ def in_new_process(code: str, **environment: str) -> str:
 def test_compiled_and_interpreted_kernels_give_the_same_bits() -> None:
     interpreted = in_new_process("from test_two_speeds import digest; print(digest())", NUMBA_DISABLE_JIT="1")
     assert interpreted == digest()
+
+
+class Rows(list[Any]):
+    """A table that takes no negative row, as machine code takes none."""
+
+    def __getitem__(self, row: Any) -> Any:
+        assert isinstance(row, slice) or row >= 0
+        return super().__getitem__(row)
+
+
+def test_no_kernel_takes_a_negative_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "is_ready", lambda: False)
+    rows = tables.rows
+    monkeypatch.setattr(tables, "rows", lambda kind, count: Rows(rows(kind, count)))
+    pool = bs.Physics.pool()
+    scenes = [bs.scenes.eight_ball(), bs.scenes.rack(0.0, physics=pool), random_scene(3), mouth_scene(5)]
+    scenes.append(replace(random_scene(4), physics=pool, table=POOL_TABLE))
+    for scene in scenes:
+        simulation = bs.Simulation(scene)
+        assert isinstance(simulation._now.state.balls, Rows)
+        if not simulation.velocities.any():
+            simulation.shoot(8.0, 0.01)
+        assert simulation.run()
 
 
 Ready = Callable[[], bool]

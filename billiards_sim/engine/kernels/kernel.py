@@ -2,8 +2,8 @@
 """What a kernel is: a plain function over numbers and tables of records, with the same bits interpreted and compiled.
 
 A table is a list of objects where kernels are interpreted, because Python reads an attribute many times faster than an
-array element, and a structured array in machine code. Kernels write `table[row].field` for both. They allocate nothing
-and call nothing but each other and `math`.
+array element, and a structured array in machine code. Kernels write `table[row].field` for both, with no negative row.
+They allocate nothing and call nothing but each other and `math`.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def kernel(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Mark a function as a kernel that machine code has in place of each call.
 
-    For what every event calls, from one place: a call hands over each table with its length, some 80 numbers. Where
-    there are many calls the code grows, and compiling takes far longer.
+    For what every event calls, from one place: a call hands over some twenty addresses and numbers. Where there are
+    many calls the code grows, and compiling takes far longer.
     """
     INLINED.add(function)
     return kernel(function)
