@@ -20,6 +20,7 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import Transform, WrenchStamped
 from rcl_interfaces.msg import ParameterEvent
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -46,6 +47,8 @@ from billiards_sim.ros.wrench import CUE_BALL, wrench_from_shot
 
 PATIENCE = 10.0
 """s that the table has for an answer, and to be found."""
+
+GONE = "the table has ended; it is shown again when it runs again"
 
 FRAME = 1.0 / 60.0
 """s between two states that a page is told of."""
@@ -94,7 +97,8 @@ class RosBackend(Backend):
         self._rereading: asyncio.Task[None] | None = None  # asyncio keeps none that nobody holds
         for topic in ("shot_result", "preview/result", "placement_result"):
             self._node.create_subscription(String, topic, self._on_answer, 100)
-        self._node.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED)
+        ends = SubscriptionEventCallbacks(matched=self._on_end)
+        self._node.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED, event_callbacks=ends)
         self._shots = self._node.create_publisher(WrenchStamped, "cue_shot", 10)
         self._previews = self._node.create_publisher(WrenchStamped, "cue_shot/preview", 10)
         self._balls = self._node.create_publisher(MultiDOFJointState, "set_balls", 10)
@@ -142,6 +146,8 @@ class RosBackend(Backend):
 
     async def answer(self, asked: Message) -> Message:
         do = choice("do", asked.get("do"), DOES)
+        if self._node.count_subscribers("cue_shot") == 0:
+            raise ValueError(GONE)
         return await do(self, asked) or {}
 
     async def _preview(self, asked: Message) -> Message:
@@ -372,6 +378,10 @@ class RosBackend(Backend):
         if self._loop is None:
             self._at_rest = message.data
         self._hand_over(self._take_rest, message.data)
+
+    def _on_end(self, matched: Any) -> None:
+        if matched.current_count == 0:
+            self._hand_over(self.tell, {"tell": "said", "error": GONE})
 
     def _on_collisions(self, message: String) -> None:
         self._hand_over(self._take_events, message.data)

@@ -21,7 +21,7 @@ from sensor_msgs.msg import MultiDOFJointState
 import billiards_sim as bs
 from billiards_sim.engine.scene_file import read_scene
 from billiards_sim.play.effects import EFFECTS
-from billiards_sim.play.ros_backend import Turning
+from billiards_sim.play.ros_backend import GONE, Turning
 
 SHOT = {"speed": 3.0, "azimuth": 0.05, "side": 0.25, "up": 0.3}
 """A break whose offset comes back from a wrench to the bit: another bit is another break."""
@@ -61,6 +61,11 @@ class Page:
 
 def talk(site: Site, about: Callable[[Page], Awaitable[None]], *parameters: str) -> None:
     site.table("scene:=nine_ball", "real_time_factor:=10.0", *parameters)
+    talk_on(site, about)
+
+
+def talk_on(site: Site, about: Callable[[Page], Awaitable[None]]) -> None:
+    """With a page on a table that runs."""
     play = site.process("play", "--ros", "--no-browser", "--port", "0")
     play.wait_for("(Ctrl-C")
     address = play.stdout.split()[1].replace("http", "ws") + "socket"
@@ -291,6 +296,22 @@ def test_a_page_that_pauses_the_table_goes_on_tick_by_tick(site: Site) -> None:
         await page.until(lambda heard: heard.get("tell") == "happened")
 
     talk(site, about)
+
+
+def test_a_table_that_ends_is_told_and_is_shown_again_when_it_runs_again(site: Site) -> None:
+    table = site.table("scene:=nine_ball")
+
+    async def about(page: Page) -> None:
+        table.signal(2)
+        assert table.wait() == 0
+        assert (await page.until(lambda heard: heard.get("tell") == "said"))["error"] == GONE
+        for asked in ({"do": "preview", "shot": SHOT}, {"do": "reset"}, {"do": "pace", "factor": 2.0}):
+            assert (await page.ask(**asked))["error"] == GONE
+        site.table("scene:=head_on")
+        await page.until(lambda heard: heard.get("tell") == "table" and heard["table"]["scene"] == "head_on")
+        assert "error" not in await page.ask(do="reset")
+
+    talk_on(site, about)
 
 
 def test_without_a_table_it_ends_with_one_line(site: Site) -> None:
