@@ -18,7 +18,7 @@ import numpy as np
 import billiards_sim as bs
 from billiards_sim.engine.potting import pots
 from billiards_sim.engine.record import record
-from billiards_sim.study.shot_kind import kind_of
+from billiards_sim.engine.shot_kind import cut_of
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -110,7 +110,7 @@ def row(number: int, scene: bs.Scene, arguments: argparse.Namespace) -> tuple[st
     simulation = bs.Simulation(scene)
     simulation.shoot(*shot[:2].tolist(), side=float(shot[2]), up=float(shot[3]))
     run = record(simulation)
-    kind = kind_of(run, wanted="1")
+    kind = goal.way(run.events)
     (cue, ball), mouths = scene.positions, {mouth.name: mouth for mouth in scene.table.mouths}
     hit = next((event.time for event in run.events if event.kind == "ball_ball"), math.nan)
     way = (
@@ -133,7 +133,7 @@ def row(number: int, scene: bs.Scene, arguments: argparse.Namespace) -> tuple[st
         f"{cue[0]:.3f} {cue[1]:.3f}",
         f"{ball[0]:.3f} {ball[1]:.3f}",
         f"{kind.kind}, {kind.pocket}",
-        f"{math.degrees(kind.cut):.0f}",
+        f"{math.degrees(cut_of(run)):.0f}",
         f"{way:.2f}",
         f"{to_pocket:.2f}",
         f"{shot[0]:.2f}",

@@ -7,15 +7,18 @@ better. `search` takes the score of a shot with an error as given, or as 0 where
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_sim.engine.events import Event
 from billiards_sim.engine.potting import Direction, pots
 from billiards_sim.engine.quantity import listed, shown
 from billiards_sim.engine.rollout import Rollout
 from billiards_sim.engine.scene import Scene, index_of
+from billiards_sim.engine.shot_kind import ShotKind, kind_of
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,10 @@ class Potting:
         if self.first is not None:
             done &= result.first_hit == index_of(names, self.first)
         return done.astype(np.float64)
+
+    def way(self, events: Sequence[Event]) -> ShotKind:
+        """What a shot does, by its events: how which ball falls where."""
+        return kind_of(events, self.struck, self.ball, self.pocket)
 
     def directions(self, scene: Scene) -> list[Direction]:
         """Where to search: the aims that geometry gives."""

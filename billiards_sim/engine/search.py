@@ -9,12 +9,16 @@
    highest point within a deviation is where the next ones are drawn. So every play tells of all four.
 4. Choice. What came of it is played again, and the best shots once more, with errors of their own: the value that is
    told was not picked for its luck.
+
+A goal can tell what a shot does, as which ball falls where. Of all that is found so, something stays in the trial and
+in the refinement, however good other shots are, and of each the best shot is chosen. Without that, shots differ by
+their direction.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple, TypeVar
@@ -81,13 +85,16 @@ FEWEST, MOST = 8, 1000
 
 LEAST_BUDGET = 100
 
+TRIES = 100
+"""Plays with noise of a shot that fails without, to find one that shows how it succeeds."""
+
 
 @dataclass(frozen=True, eq=False)
 class Found:
     """What `search` found, the best shot first.
 
     Attributes:
-        shots: K of them, at most as many as were asked for, each in another direction.
+        shots: K of them, at most as many as were asked for, no two of which do the same.
         values: (K,) mean score of each, over fresh samples of the noise.
         errors: (K,) standard error of that mean; 0 without noise.
         result: of the last rollout, (K, S) with noise, else (K,): where balls end.
@@ -111,6 +118,7 @@ class _Lead(NamedTuple):
 
     shot: Array  # (4,) azimuth, speed, side, up
     spread: float  # rad, how exactly its azimuth is known
+    direction: int  # index of the one that it was found in
 
 
 def search(
@@ -135,9 +143,12 @@ def search(
             better. `goals` has some.
         noise: of the shooter; None: each shot is played as it is meant.
         samples: with which the shots that are returned are valued.
-        best: how many shots are wanted.
+        best: how many shots are wanted. No two do the same, where the goal has a method `way(events)` that says, by
+            anything that can be a key of a dict, what a shot does that scores more than 0 (which ball falls where);
+            without it, no two go in the same direction. Where fewer are found, fewer are returned.
         seed: of all that is drawn; the same one gives the same shots, to the bit.
-        budget: about how many shots may be played before the last valuation.
+        budget: about how many shots may be played before the last valuation; up to a third more, where there are many
+            ways to reach the goal.
         speeds: lowest and highest, m/s.
         directions: where to search; None: all round, and where the goal says, by its method `directions(scene)`.
         until, executor, ball: as of `rollout`.
@@ -148,6 +159,28 @@ def search(
         BrokenRollout: the executor broke.
     """
     return _Search(scene, goal, noise, samples, best, seed, budget, speeds, until, executor, ball).run(directions)
+
+
+def as_it_succeeds(
+    scene: Scene,
+    meant: Shots,
+    goal: Goal,
+    noise: ShooterNoise | None,
+    seed: int,
+    *,
+    until: float | None = None,
+    ball: str = "cue",
+) -> Shots:
+    """A shot as it is meant, if it scores more than 0 so; else the one with the highest score of some with noise."""
+    tried = meant.columns()
+    if noise is not None:
+        tried = np.concatenate((tried, noise.samples(tried, 0, TRIES, seed)[0]))
+    for some in (tried[:1], tried):
+        shots = Shots(*some.T)
+        scores = np.nan_to_num(np.asarray(goal(rollout(scene, shots, until=until, on_error="mask", ball=ball))))
+        if scores.max() > 0.0:
+            return shots[int(scores.argmax())]
+    return meant
 
 
 class _Search:
@@ -218,12 +251,12 @@ class _Search:
         shots = shots.reshape(*scores.shape, 4)
         leads = []
         first = 0
-        for (direction, width), offset in zip(directions, offsets):
+        for place, ((direction, width), offset) in enumerate(zip(directions, offsets)):
             step = 2.0 * direction.window / width
             smooth = self._weights(offset, step) @ scores[first : first + width]
             for column, row in enumerate(smooth.argmax(axis=0).tolist()):
                 spread = step if math.isnan(direction.tolerance) else min(step, 0.5 * direction.tolerance)
-                leads.append((float(smooth[row, column]), _Lead(shots[first + row, column], spread)))
+                leads.append((float(smooth[row, column]), _Lead(shots[first + row, column], spread, place)))
             first += width
         leads.sort(key=lambda scored: -scored[0])
         return [lead for _, lead in leads]
@@ -242,13 +275,30 @@ class _Search:
         return np.exp(-0.5 * ((offsets[:, np.newaxis] - offsets) / deviation) ** 2) / whole
 
     def _trial(self, leads: list[_Lead]) -> list[_Lead]:
-        # With noise, by halves.
-        taken = _some(leads, self._apart([lead.shot[0] for lead in leads], TRIALS * self.best, SPEEDS * len(TIPS)))
-        while len(taken) > TRIALS * self.best:
-            means = self._means(np.array([lead.shot for lead in taken]), self._samples(len(taken), 0.04))
-            better = np.argsort(-means, kind="stable")[: max(len(taken) // 2, TRIALS * self.best)]
-            taken = _some(taken, better.tolist())
-        return taken
+        # With noise, by halves; of each way something stays.
+        wanted = TRIALS * self.best
+        taken = self._apart([lead.shot[0] for lead in leads], wanted, SPEEDS * len(TIPS))
+        firsts = list({lead.direction: index for index, lead in reversed(list(enumerate(leads)))}.values())
+        ways = self._ways(np.array([leads[index].shot for index in firsts]))
+        taken += _some(firsts, _first_of_each(ways, range(len(firsts)), wanted))
+        leads = _some(leads, sorted(set(taken)))
+        ways = self._ways(np.array([lead.shot for lead in leads]))
+        size = len(leads)
+        while size > wanted:
+            size = max(size // 2, wanted)
+            means = self._means(np.array([lead.shot for lead in leads]), self._samples(len(leads), 0.04))
+            order = np.argsort(-means, kind="stable").tolist()
+            kept = {*order[:size], *_first_of_each(ways, order, wanted)}
+            order = [index for index in order if index in kept]
+            leads, ways = _some(leads, order), _some(ways, order)
+        return leads
+
+    def _ways(self, shots: Array) -> list[Hashable]:
+        # What shots, (M, 4), do without noise; None for those that fail, and where the goal does not tell.
+        if not hasattr(self.goal, "way"):
+            return [None] * len(shots)
+        result, scores = self._scores(shots, events=True)
+        return [self.goal.way(result.events(row)) if score > 0.0 else None for row, score in enumerate(scores.tolist())]
 
     def _best_apart(self, azimuths: Sequence[float], values: Array, count: int, variants: int = 1) -> list[int]:
         # Indices as of `_apart`, where the best come first.
@@ -269,12 +319,14 @@ class _Search:
         return [index for kept in directions for index in kept]
 
     def _refine(self, leads: list[_Lead]) -> list[_Lead]:
-        # The best of them, each with what the refinement makes of it, and with the best of its last round.
+        # The best of them, each with what the refinement makes of it, and with the best of its last round. Those that
+        # are there for their way alone are played beside the budget: they take nothing from the others.
         blur = math.inf if self.noise is None else self.noise.azimuth or math.inf
         mean = np.array([_free(lead.shot) for lead in leads])
         deviation = np.array([(min(lead.spread, blur), *SPREAD) for lead in leads])
         for turn in range(ROUNDS):
-            size = max(int(0.3 / ROUNDS * self.budget) // len(mean), LEAST_POPULATION)
+            counted = min(len(mean), self.best * (TRIALS if turn <= NARROWING else 1))
+            size = max(int(0.3 / ROUNDS * self.budget) // counted, LEAST_POPULATION)
             random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1, turn)))
             errors = random.standard_normal((len(mean), size, 4))
             drawn = self._allowed(mean[:, np.newaxis] + errors * deviation[:, np.newaxis])
@@ -284,7 +336,12 @@ class _Search:
             mean = self._allowed(mean + steps * deviation)
             deviation = SHRINKING * deviation
             if turn == NARROWING:
-                kept = self._best_apart(mean[:, 0].tolist(), values.mean(axis=1), self.best)
+                means = values.mean(axis=1)
+                order = np.argsort(-means, kind="stable").tolist()
+                kept = self._best_apart(mean[:, 0].tolist(), means, self.best)
+                before = self._ways(np.array([lead.shot for lead in leads]))
+                ways = [now or then for now, then in zip(self._ways(_shot(mean)), before)]
+                kept += [one for one in _first_of_each(ways, order, self.best) if one not in kept]
                 mean, deviation, leads = mean[kept], deviation[kept], _some(leads, kept)
                 drawn, values = drawn[kept], values[kept]
         found = []
@@ -294,8 +351,9 @@ class _Search:
         return found
 
     def _choose(self, leads: list[_Lead]) -> Found:
-        means = self._means(np.array([lead.shot for lead in leads]), self._samples(len(leads), 0.05))
-        chosen = _some(leads, self._best_apart([lead.shot[0] for lead in leads], means, self.best))
+        counted = min(len(leads), 3 * self.best)
+        means = self._means(np.array([lead.shot for lead in leads]), self._samples(counted, 0.05))
+        chosen = _some(leads, self._best_of_each(leads, means))
         result, scores = self._scores(np.array([lead.shot for lead in chosen]), self.samples)
         values, errors = scores, np.zeros(len(chosen))
         if scores.ndim > 1:
@@ -312,6 +370,22 @@ class _Search:
             self.played,
         )
 
+    def _best_of_each(self, leads: list[_Lead], means: Array) -> list[int]:
+        # Indices of the best lead of each way, or direction; of one at least, even if nothing succeeds.
+        if not hasattr(self.goal, "way"):
+            return self._best_apart([lead.shot[0] for lead in leads], means, self.best)
+        chosen: dict[Hashable, int] = {}
+        for index in np.argsort(-means, kind="stable").tolist():
+            if chosen and (means[index] <= 0.0 or len(chosen) == self.best):
+                break
+            meant = _shots(leads[index].shot[np.newaxis])
+            shown = as_it_succeeds(
+                self.scene, meant, self.goal, self.noise, self.seed, until=self.until, ball=self.ball
+            )
+            (way,) = self._ways(shown.columns()[:, [1, 0, 2, 3]])
+            chosen.setdefault(way, index)
+        return list(chosen.values())
+
     def _samples(self, shots: int, share: float) -> int:
         # Of each of so many shots, for this share of the budget.
         if self.noise is None:
@@ -323,7 +397,7 @@ class _Search:
         scores = self._scores(shots, samples if self.noise is not None else 0)[1]
         return scores.mean(axis=1) if scores.ndim > 1 else scores
 
-    def _scores(self, shots: Array, samples: int = 0) -> tuple[Rollout, Array]:
+    def _scores(self, shots: Array, samples: int = 0, events: bool = False) -> tuple[Rollout, Array]:
         # (M, S) of shots (M, 4), or (M,) without noise: for 0 samples, or where there is none or only one.
         self.stage += 1
         entropy = np.random.SeedSequence(self.seed, spawn_key=(0, self.stage)).generate_state(2, np.uint64)
@@ -335,6 +409,7 @@ class _Search:
             noise=noise,
             samples=samples if noise is not None else 1,
             seed=int(entropy[0]),
+            events=events,
             executor=self.executor,
             ball=self.ball,
         )
@@ -393,6 +468,15 @@ def _uphill(away: Array, values: Array) -> Array:
     error = (values - terms @ fitted).std() / math.sqrt(len(values))
     step: Array = np.clip(slope / np.maximum(-bend, max(float(error), 1e-300)), -1.0, 1.0)
     return step
+
+
+def _first_of_each(ways: Sequence[Hashable], order: Iterable[int], count: int) -> list[int]:
+    # Indices of the first of each way that is known, in this order; no more than `count`.
+    firsts: dict[Hashable, int] = {}
+    for index in order:
+        if ways[index] is not None:
+            firsts.setdefault(ways[index], index)
+    return list(firsts.values())[:count]
 
 
 def _some(given: Sequence[T], indices: Sequence[int]) -> list[T]:

@@ -26,15 +26,13 @@ from billiards_sim.engine import cue, goals
 from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.noise import ShooterNoise
 from billiards_sim.engine.record import record
-from billiards_sim.engine.rollout import rollout
 from billiards_sim.engine.scene import Scene, Shot
-from billiards_sim.engine.search import LEAST_BUDGET, Array, Found, search
-from billiards_sim.engine.shots import Shots
+from billiards_sim.engine.search import LEAST_BUDGET, Found, as_it_succeeds, search
+from billiards_sim.engine.shot_kind import ShotKind, cut_of
 from billiards_sim.engine.simulation import Simulation
 from billiards_sim.files import written
 from billiards_sim.scene_option import SCENE_HELP, scene_named
 from billiards_sim.study.outputs import PICTURES, check_picture, check_places, writing
-from billiards_sim.study.shot_kind import ShotKind, kind_of
 
 NUMBERS = {
     "samples": (400, 1, 100_000, "of each of the best shots, for its probability of success"),
@@ -52,9 +50,6 @@ cannot be read or written."""
 TIMEOUT = 10.0
 """s that a running table has to be found, and for each answer."""
 
-TRIES = 100
-"""Plays with noise of a shot that fails without, to find one that shows how it succeeds."""
-
 HEADS = ("", "ball", "pocket", "kind", "speed", "azimuth", "side", "up", "cut", "success", "cue ball ends")
 UNITS = ("", "", "", "", "m/s", "deg", "radii", "radii", "deg", "%", "m, x y, spread")
 
@@ -65,6 +60,8 @@ class Row(NamedTuple):
     aim: Aim
     kind: ShotKind
     """without noise; or, where it fails so, of a try with noise that succeeds"""
+    cut: float
+    """rad, likewise"""
     success: float
     """probability"""
     error: float
@@ -244,12 +241,12 @@ def wrench_yaml(shot: Shot) -> str:
 
 
 def _row(scene: Scene, found: Found, index: int, goal: goals.Potting, options: argparse.Namespace) -> Row:
-    meant = found.shots.columns()[index]
     simulation = Simulation(scene)
-    speed, azimuth, side, up, _ = _success(scene, meant, goal, options)
+    example = as_it_succeeds(scene, found.shots[index : index + 1], goal, options.noise, options.seed)
+    speed, azimuth, side, up, _ = example.columns()[0].tolist()
     simulation.shoot(speed, azimuth, side, up)
     at = scene.names.index("cue")
-    kind = kind_of(record(simulation), wanted=options.ball)
+    run = record(simulation)
     end, spread = None, 0.0
     if simulation.in_play[at]:
         x, y = simulation.positions[at].tolist()
@@ -258,17 +255,9 @@ def _row(scene: Scene, found: Found, index: int, goal: goals.Potting, options: a
             stays = found.result.in_play[index, :, at] & (found.result.error[index] == 0)
             away = found.result.positions[index, stays, at] - end
             spread = math.sqrt(np.mean(np.sum(away**2, axis=1))) if len(away) else 0.0
-    return Row(Aim(*meant.tolist()), kind, float(found.values[index]), float(found.errors[index]), end, spread)
-
-
-def _success(scene: Scene, meant: Array, goal: goals.Potting, options: argparse.Namespace) -> list[float]:
-    # The shot as it is meant, if it succeeds so; else the first of some with errors that does.
-    tried = meant[np.newaxis]
-    if options.noise is not None:
-        tried = np.concatenate((tried, options.noise.samples(tried, 0, TRIES, options.seed)[0]))
-    scores = goal(rollout(scene, Shots(*tried.T), on_error="mask"))
-    success: list[float] = tried[int(scores.argmax())].tolist()
-    return success
+    aim = Aim(*found.shots.columns()[index].tolist())
+    success, error = float(found.values[index]), float(found.errors[index])
+    return Row(aim, goal.way(run.events), cut_of(run), success, error, end, spread)
 
 
 def _print(made: Plan, options: argparse.Namespace) -> None:
@@ -304,7 +293,7 @@ def _cells(number: int, row: Row) -> tuple[str, ...]:
         f"{aim.speed:.2f}",
         f"{math.degrees(math.remainder(aim.azimuth, math.tau)):.2f}",
         *(f"{value + 0.0:.2f}" for value in (round(aim.side, 2), round(aim.up, 2))),
-        "-" if math.isnan(kind.cut) else f"{math.degrees(kind.cut):.0f}",
+        "-" if math.isnan(row.cut) else f"{math.degrees(row.cut):.0f}",
         f"{100.0 * row.success:.1f} +- {100.0 * row.error:.1f}",
         end,
     )

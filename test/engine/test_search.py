@@ -14,7 +14,7 @@ from checks import COMPILED
 import billiards_sim as bs
 from billiards_sim.engine.goals import Potting
 from billiards_sim.engine.potting import Direction, pots
-from billiards_sim.engine.search import _uphill
+from billiards_sim.engine.search import _uphill, as_it_succeeds
 
 TABLE = bs.Table.pool_9ft()
 POOL = bs.Physics.pool()
@@ -97,11 +97,50 @@ def test_the_best_come_first_and_the_values_are_those_of_the_result() -> None:
 
 @COMPILED_ONLY
 def test_the_shots_found_go_in_directions_that_noise_does_not_blur() -> None:
-    found = pot(best=3)
+    goal = bs.goals.pocket(CUT, "1", "x_max_y_max")
+    found = bs.search(CUT, lambda result: goal(result), noise=NOISE, budget=BUDGET, best=3)
     azimuths = found.shots.azimuth
     assert len(found) >= 2
     away = [abs(math.remainder(a - b, 2.0 * math.pi)) for i, a in enumerate(azimuths) for b in azimuths[:i]]
     assert min(away) > 2.0 * NOISE.azimuth
+
+
+BETWEEN = bs.Scene([(1.3208, 0.8), (2.35, 1.2), (0.29, 1.2)], names=("cue", "1", "2"), table=TABLE, physics=POOL)
+"""Two balls before a pocket each, as mirror images, and the cue ball as far from both."""
+
+
+@COMPILED_ONLY
+def test_of_balls_before_a_pocket_each_both_are_found() -> None:
+    found = bs.search(BETWEEN, bs.goals.pocket(BETWEEN), noise=NOISE, budget=BUDGET, samples=SAMPLES, best=2)
+    assert found.values.min() > 0.9
+    easy = (found.result.pocketed("1", "x_max_y_max"), found.result.pocketed("2", "x_min_y_max"))
+    shares = [fell.mean(axis=1) > 0.9 for fell in easy]
+    assert sorted(np.transpose(shares).tolist()) == [[False, True], [True, False]]
+
+
+@COMPILED_ONLY
+@pytest.mark.parametrize("noise", [None, NOISE])
+def test_no_two_of_the_shots_pot_the_same_ball_in_the_same_way(noise: bs.ShooterNoise | None) -> None:
+    goal = bs.goals.pocket(BETWEEN)
+    found = bs.search(BETWEEN, goal, noise=noise, budget=2 * BUDGET, samples=SAMPLES, best=5)
+    shown = [as_it_succeeds(BETWEEN, found.shots[[row]], goal, noise, 0) for row in range(len(found))]
+    ways = [goal.way(bs.rollout(BETWEEN, shot, events=True).events(0)) for shot in shown]
+    assert len(set(ways)) == len(ways) >= 4
+    assert {way.ball for way in ways} == {"1", "2"}
+    assert not {way.kind for way in ways} & {"miss", "scratch"}
+
+
+def test_a_shot_that_fails_as_it_is_meant_is_shown_by_one_that_succeeds() -> None:
+    goal = bs.goals.pocket(CUT, "1", "x_max_y_max")
+    azimuths = np.linspace(0.0, 0.5, 400)
+    fell = goal(bs.rollout(CUT, bs.Shots(1.5, azimuths))) > 0.0
+    at = int(np.argmax(fell))
+    good, beside = (bs.Shots(1.5, azimuths[index]) for index in (at, at - 1))
+    assert (as_it_succeeds(CUT, good, goal, NOISE, 0).columns() == good.columns()).all()
+    assert (as_it_succeeds(CUT, beside, goal, None, 0).columns() == beside.columns()).all()
+    shown = as_it_succeeds(CUT, beside, goal, NOISE, 0)
+    assert goal(bs.rollout(CUT, shown)).tolist() == [1.0]
+    assert abs(shown.azimuth[0] - beside.azimuth[0]) < 6.0 * NOISE.azimuth
 
 
 def test_the_same_seed_finds_the_same_to_the_bit() -> None:
