@@ -35,11 +35,13 @@ class Question:
         simulation: what is on it; a copy, which nobody else uses.
         stamps: of its times.
         frame: of the messages.
+        erased: how often drawings had been taken away.
     """
 
     simulation: Simulation
     stamps: Stamps
     frame: str
+    erased: int
 
 
 class Previews:
@@ -48,6 +50,9 @@ class Previews:
     Args:
         node: of the topics.
         look: what is on the table now; called on the thread of the previews.
+
+    Attributes:
+        erased: how often drawings were taken away.
     """
 
     def __init__(self, node: Node, look: Callable[[], Question]) -> None:
@@ -55,7 +60,8 @@ class Previews:
         self._drawing = node.create_publisher(MarkerArray, "preview", STATE_DEPTH)
         self._results = node.create_publisher(String, "preview/result", ANSWER_DEPTH)
         self._waiting: Queue[WrenchStamped | None] = Queue(MOST_PREVIEWS)
-        self._erased = False
+        self._draws = threading.Lock()
+        self.erased = 0
         self._stopped = False
         self._thread: threading.Thread | None = None
 
@@ -68,8 +74,9 @@ class Previews:
 
     def erase(self) -> None:
         """Take the drawing away: the next scene is another table."""
-        self._erased = True
-        self._drawing.publish(markers.erasing())
+        with self._draws:
+            self.erased += 1
+            self._drawing.publish(markers.erasing())
 
     def start(self, fail: Callable[[Exception], object]) -> None:
         """Args:
@@ -94,7 +101,6 @@ class Previews:
             fail(error)
 
     def _answer(self, message: WrenchStamped) -> None:
-        self._erased = False
         question = self._look()
         simulation, preview = question.simulation, None
         try:
@@ -107,9 +113,12 @@ class Previews:
             if preview is None:
                 return
             self._results.publish(String(data=preview_json(preview, question.stamps, stamp_of(message))))
-        if not self._erased and self._drawing.get_subscription_count() > 0:
+        if self._drawing.get_subscription_count() > 0:
             stamp = question.stamps.at(simulation.time)
-            self._drawing.publish(markers.preview_markers(preview, stamp, question.frame))
+            drawing = markers.preview_markers(preview, stamp, question.frame)
+            with self._draws:
+                if self.erased == question.erased:  # else the balls are those of another scene
+                    self._drawing.publish(drawing)
 
     def _played(self, prediction: Prediction) -> Preview | None:
         # None where the node ends meanwhile.

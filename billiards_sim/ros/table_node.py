@@ -328,7 +328,7 @@ class TableNode(Node):
 
     @between_ticks
     def _question(self) -> Question:
-        return Question(self._simulation.copy(), self._stamps, self._settings.frame_id)
+        return Question(self._simulation.copy(), self._stamps, self._settings.frame_id, self.previews.erased)
 
     def _on_place_balls(self, message: PoseArray) -> None:
         self._on_placement(message, placed_balls)

@@ -41,6 +41,11 @@ TIMEOUT = 20.0
 DEPTH = 1000
 """Messages that wait for a client that is not spinning."""
 
+NOTHING_LOST = tuple(
+    f"qos_overrides./{topic}.publisher.depth:={DEPTH}" for topic in ("balls/poses", "balls/states", "markers")
+)
+"""Parameters of a table that keeps messages of more than ten ticks for a client that the machine gives no time."""
+
 LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Site
-from process import DEPTH, Client, positions, stamp_ns
+from process import DEPTH, NOTHING_LOST, Client, positions, stamp_ns
 from rosgraph_msgs.msg import Clock
 from visualization_msgs.msg import Marker
 
@@ -20,7 +20,7 @@ SHOT = wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0))
 
 @pytest.fixture(scope="module")
 def player(shared_site: Site) -> Client:
-    shared_site.table("scene:=rack")
+    shared_site.table("scene:=rack", *NOTHING_LOST)
     return shared_site.client()
 
 

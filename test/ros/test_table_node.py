@@ -12,7 +12,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from conftest import Site
 from geometry_msgs.msg import WrenchStamped
-from process import Client, positions, stamp_ns
+from process import NOTHING_LOST, START_TIMEOUT, Client, positions, stamp_ns
 
 import billiards_sim as bs
 from billiards_sim.engine.record import Run
@@ -32,12 +32,10 @@ def engine_break(start: float) -> tuple[bs.Simulation, Run]:
 
 
 def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> None:
-    site.table("scene:=rack", "real_time_factor:=5.0")
+    site.table("scene:=rack", "real_time_factor:=5.0", *NOTHING_LOST)
     client = site.client()
     shoot = site.process("shoot", *BREAK)
-    assert shoot.wait() == 0, shoot.stderr
-    assert "accepted" in shoot.stdout
-    client.spin_until(lambda: client.results)
+    client.spin_until(lambda: client.results, START_TIMEOUT)  # not later: its queues are not endless
     assert client.results[0]["accepted"] is True
     simulation, run = engine_break(client.results[0]["time"])
     events = run.events
@@ -48,6 +46,8 @@ def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> N
     final = client.next_poses(10, after=stamp_ns(stamps[-1]))[-1]  # whatever might come twice had the time to
     assert client.at_rest == [True, False, True]
     assert len(client.results) == 1
+    assert shoot.wait() == 0, shoot.stderr
+    assert "accepted" in shoot.stdout
 
     assert [(c["kind"], c["balls"], c["rail"]) for c in client.collisions] == [
         (e.kind, list(e.balls), e.rail) for e in events

@@ -10,7 +10,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from conftest import Site
 from geometry_msgs.msg import PoseArray
-from process import Client, Process, positions, stamp_ns
+from process import NOTHING_LOST, Client, Process, positions, stamp_ns
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
@@ -181,7 +181,7 @@ def test_time_that_a_shot_loses_is_told_where_it_matters(
 
 
 def test_ticks_of_a_shot_are_the_same_time_apart(site: Site) -> None:
-    site.table("scene:=rack")
+    site.table("scene:=rack", *NOTHING_LOST)
     client = site.client()
     client.shoot(wrench_from_shot((80.0, 0.0, 0.0), (0.0, 0.0)))
     stamps = client.stamps(50)
