@@ -581,7 +581,8 @@ def _run(answer: Message, scene: Scene) -> Message:
             t, x, y = points[-1]
             arcs[-1].append([t - began, x - centre_x, y - centre_y, 0.0, 0.0, 0.0, 0.0])
     events = [{**event, "time": event["time"] - began} for event in answer["events"]]
-    return {"end": answer["duration"], "names": list(scene.names), "arcs": arcs, "events": events}
+    rest = {} if answer["complete"] else {"rest": None}
+    return {"end": answer["duration"], **rest, "names": list(scene.names), "arcs": arcs, "events": events}
 
 
 def _line(one: list[float], other: list[float], began: float, centre_x: float, centre_y: float) -> list[float]:

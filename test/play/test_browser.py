@@ -13,6 +13,7 @@ import pytest
 from browser import STATE, Page, Server, launched, need_a_browser
 
 import billiards_sim as bs
+from billiards_sim.engine.scene_file import load_scene
 from billiards_sim.play.effects import EFFECTS
 from billiards_sim.study import simulate
 
@@ -421,5 +422,35 @@ def test_a_run_in_a_file_plays_without_a_server(browser: Any, tmp_path: Path) ->
     assert page("document.querySelectorAll('[data-player=marks] line').length") > len(collisions)
     page.page.click("[data-player=end]")
     assert page("billiards.playback.time") == run.end
+    assert page.trouble == []
+    context.close()
+
+
+SPINNING = """
+table: pool_9ft
+physics: pool
+balls:
+  - {name: cue, position: [0.8, 0.7], angular_velocity: [0.0, 0.0, 30.0]}
+"""
+
+
+@pytest.mark.parametrize("scene", ["glancing", "spinning"])
+def test_a_run_in_a_file_tells_when_the_balls_rest_if_they_do(browser: Any, tmp_path: Path, scene: str) -> None:
+    file = tmp_path / "spinning.yaml"
+    file.write_text(SPINNING)
+    given = str(file) if scene == "spinning" else scene
+    end = bs.record(bs.Simulation(load_scene(file) if scene == "spinning" else bs.scenes.glancing())).end
+    context = browser.new_context(viewport={"width": 960, "height": 600}, offline=True)
+    page = Page(context.new_page())
+    for until, wanted in (
+        (0.5 * end, f"balls still move after {0.5 * end:.2f} s."),
+        (None, f"at rest after {end:.2f} s."),
+        (end + 10.0, f"at rest after {end:.2f} s."),
+    ):
+        path = tmp_path / "run.html"
+        assert simulate.main([given, "--html", str(path), *(("--until", repr(until)) if until else ())]) == 0
+        page.page.goto(path.as_uri())
+        page.until(lambda: page("window.billiards?.playback.run !== undefined"))
+        assert page("document.querySelector('#happened').textContent").endswith(wanted)
     assert page.trouble == []
     context.close()

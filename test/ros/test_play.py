@@ -122,6 +122,15 @@ def test_a_preview_and_its_shot_are_those_of_the_engine(site: Site) -> None:
     talk(site, about)
 
 
+def test_a_preview_of_balls_that_never_rest_tells_no_rest(site: Site) -> None:
+    async def about(page: Page) -> None:
+        run = (await page.ask(do="preview", shot=SHOT))["run"]
+        assert run["rest"] is None
+        assert run["end"] > 0.0
+
+    talk(site, about, "physics.sliding_friction:=0.0", "physics.rolling_friction:=0.0")
+
+
 def test_balls_are_placed_and_refused_by_the_table_and_reset(site: Site) -> None:
     start = bs.scenes.nine_ball().positions.tolist()
 

@@ -7,7 +7,7 @@ import { Turning, placeAt, product } from "./motion.js";
 import { Balls, Effects, fillChoice, fillPaces } from "./panel.js";
 import { Player } from "./player.js";
 import { View, withFalls } from "./view.js";
-import { ballName, summary } from "./words.js";
+import { ballName, ending, summary } from "./words.js";
 
 const DRAG = 5; // px that a pointer moves before it drags
 const TOUCH = 14; // px, radius within which a finger finds a ball
@@ -214,7 +214,7 @@ function foreseen(run) {
   const parts = [hit ? `hits ${ballName(hit.balls.find((name) => name !== cueName()))} first` : "hits no ball"];
   if (pocketed.length) parts.push(`pockets ${pocketed.join(", ")}`);
   if (fallen.length > pocketed.length) parts.push("pockets the cue ball");
-  parts.push(`at rest after ${run.end.toFixed(2)} s`);
+  parts.push(ending(run));
   return `This shot ${parts.join(", ")}.${compared()}`;
 }
 
@@ -223,7 +223,7 @@ function compared() {
   const run = state.preview.without;
   if (!effect || !run) return "";
   const how = `${effect.on ? "without" : "with"} ${effect.label.toLowerCase()}`;
-  return ` Dashed: ${how}, at rest after ${run.end.toFixed(2)} s.`;
+  return ` Dashed: ${how}, ${ending(run)}.`;
 }
 
 function shot() {

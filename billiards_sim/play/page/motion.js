@@ -47,6 +47,17 @@ export function pathUntil(arcs, end, centre) {
   return points;
 }
 
+/** When every ball of a run rests and none spins, s; null where that is not before its end. */
+export function restOf({ arcs, end }) {
+  const times = arcs.filter((one) => one.length).map((one) => {
+    const [t, , , vx, vy, ax, ay, , , wz, , , az] = one[one.length - 1];
+    if (vx !== 0 || vy !== 0 || ax !== 0 || ay !== 0) return Infinity;
+    return az === 0 ? t : t - wz / az;
+  });
+  const rest = Math.max(0, ...times);
+  return rest <= end + 1e-9 ? Math.min(rest, end) : null; // rounding
+}
+
 /** How balls are turned over a run: quaternions [x, y, z, w], from those at its start. */
 export class Turning {
   constructor(run, starts) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A run in a file of its own: what the page does with a run, without a server.
 
-import { Turning } from "./motion.js";
+import { Turning, restOf } from "./motion.js";
 import { Player } from "./player.js";
 import { View, withFalls } from "./view.js";
 import { summary } from "./words.js";
@@ -17,7 +17,7 @@ const playback = new Player(document.querySelector("#player"), () => {
 });
 document.title = title;
 document.querySelector("#said").textContent = title;
-document.querySelector("#happened").textContent = summary(shown);
+document.querySelector("#happened").textContent = summary({ ...shown, rest: restOf(run) });
 playback.load(shown, false);
 document.addEventListener("keydown", (event) => {
   const keys = { " ": () => playback.toggle(), ",": () => playback.step(-1), ".": () => playback.step(1) };

@@ -35,6 +35,11 @@ function counted(count, one, many) {
   return `${count} ${count === 1 ? one : many}`;
 }
 
+/** When a run comes to rest: at its `rest`, s, where it has one, else at its end; null where balls move on. */
+export function ending({ end, rest = end }) {
+  return rest === null ? `balls still move after ${end.toFixed(2)} s` : `at rest after ${rest.toFixed(2)} s`;
+}
+
 /** A run in a line: contacts, what is pocketed, the time to rest. */
 export function summary(run) {
   const of = (kind) => run.events.filter((event) => event.kind === kind);
@@ -46,6 +51,6 @@ export function summary(run) {
   if (!pocketed.length) parts.push("Nothing pocketed");
   parts.push(counted(of("ball_ball").length, "contact of balls", "contacts of balls"));
   parts.push(counted(of("ball_rail").length, "of a cushion", "of cushions"));
-  parts.push(`at rest after ${run.end.toFixed(2)} s`);
+  parts.push(ending(run));
   return `${parts.join(" · ")}.`;
 }
