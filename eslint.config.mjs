@@ -3,8 +3,8 @@
 
 const BROWSER = [
   "Blob", "CSS", "Image", "ResizeObserver", "TextDecoder", "TextEncoder", "URL", "WebSocket", "atob", "btoa",
-  "clearTimeout", "document", "history", "location", "navigator", "requestAnimationFrame", "setTimeout",
-  "window",
+  "clearTimeout", "document", "history", "location", "navigator", "performance", "requestAnimationFrame",
+  "setTimeout", "window",
 ];
 
 export default [
