@@ -25,6 +25,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Bool, String
@@ -55,6 +56,9 @@ FRAME = 1.0 / 60.0
 
 SLACK = 0.003
 """s by which a state may come early: those of a table at 100 Hz that are told then come every 20 ms, evenly."""
+
+EACH = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""The last message, and every later one however late it is taken: who has only the last misses a short run."""
 
 QUIET = 0.1
 """s without news before a table at rest has told all: topics keep no order among each other."""
@@ -98,7 +102,7 @@ class RosBackend(Backend):
         for topic in ("shot_result", "preview/result", "placement_result"):
             self._node.create_subscription(String, topic, self._on_answer, 100)
         ends = SubscriptionEventCallbacks(matched=self._on_end)
-        self._node.create_subscription(Bool, "at_rest", self._on_at_rest, LATCHED, event_callbacks=ends)
+        self._node.create_subscription(Bool, "at_rest", self._on_at_rest, EACH, event_callbacks=ends)
         self._shots = self._node.create_publisher(WrenchStamped, "cue_shot", 10)
         self._previews = self._node.create_publisher(WrenchStamped, "cue_shot/preview", 10)
         self._balls = self._node.create_publisher(MultiDOFJointState, "set_balls", 10)
@@ -112,7 +116,8 @@ class RosBackend(Backend):
         self._spin_until(future.done, f"the node {table} did not tell its parameters")
         self._settings = self._read(future.result())
         self._rested: Position | None = None  # at the last rest
-        self._told: Places = []
+        self._told: tuple[Places, bool] | None
+        self._lie_still: bool  # the places: topics keep no order, and that all rest may be known before where
         self._places: Places
         self._turning: Turning
         self._begin()
@@ -311,6 +316,7 @@ class RosBackend(Backend):
         # Until the first state of a scene tells more.
         scene = self._scene
         self._turning = Turning(scene.names)
+        self._told, self._lie_still = None, False
         self._places = [
             [*at, *quaternion.IDENTITY] if there else None for at, there in zip(scene.positions.tolist(), scene.in_play)
         ]
@@ -411,9 +417,12 @@ class RosBackend(Backend):
             transform = message.transforms[there[name]]
             at, turn = transform.translation, transform.rotation
             places.append([at.x, at.y, *(turns[name] if turns else (turn.x, turn.y, turn.z, turn.w))])
-        if places != self._told:
-            self._told = places
-            self._hand_over(self._take_places, turning.names, places)
+        still = not any(
+            one.linear.x or one.linear.y or one.angular.x or one.angular.y for one in message.twist
+        )  # spins about the vertical go on where a ball lies
+        if (places, still) != self._told:
+            self._told = places, still
+            self._hand_over(self._take_places, turning.names, places, still)
 
     # In the server's:
 
@@ -423,11 +432,11 @@ class RosBackend(Backend):
         if future is not None and not future.done():
             future.set_result(answer)
 
-    def _take_places(self, names: tuple[str, ...], places: Places) -> None:
+    def _take_places(self, names: tuple[str, ...], places: Places, still: bool) -> None:
         if names != self._scene.names:
             return
         renewed = [at is None for at in places] != [at is None for at in self._places] or self._at_rest
-        self._places = places
+        self._places, self._lie_still = places, still
         self.tell(self._state())
         if self._rested is None:
             self._note()
@@ -448,7 +457,7 @@ class RosBackend(Backend):
     def _note(self) -> None:
         # What lay at the last rest can be gone back to, whoever has shot or placed since.
         position = self._position()
-        if not self._at_rest or not self._told or position == self._rested:
+        if not self._at_rest or not self._lie_still or position == self._rested:
             return
         if self._rested is not None:
             self._before.append(self._rested)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import signal
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -13,15 +14,19 @@ import pytest
 pytest.importorskip("tornado")
 
 import numpy as np
+import rclpy
 import tornado.websocket
 from conftest import Site
 from geometry_msgs.msg import Point, Pose, PoseArray, Twist
+from process import Process
 from sensor_msgs.msg import MultiDOFJointState
 
 import billiards_sim as bs
+from billiards_sim.engine.aim import Aim
 from billiards_sim.engine.scene_file import read_scene
 from billiards_sim.play.effects import EFFECTS
-from billiards_sim.play.ros_backend import GONE, Turning
+from billiards_sim.play.ros_backend import GONE, RosBackend, Turning
+from billiards_sim.ros.wrench import wrench_from_shot
 
 SHOT = {"speed": 3.0, "azimuth": 0.05, "side": 0.25, "up": 0.3}
 """A break whose offset comes back from a wrench to the bit: another bit is another break."""
@@ -66,8 +71,18 @@ def talk(site: Site, about: Callable[[Page], Awaitable[None]], *parameters: str)
 
 def talk_on(site: Site, about: Callable[[Page], Awaitable[None]]) -> None:
     """With a page on a table that runs."""
+    visit(served(site), about)
+
+
+def served(site: Site) -> Process:
+    """The server of a table that runs."""
     play = site.process("play", "--ros", "--no-browser", "--port", "0")
     play.wait_for("(Ctrl-C")
+    return play
+
+
+def visit(play: Process, about: Callable[[Page], Awaitable[None]]) -> None:
+    """Open a page, and end its server."""
     address = play.stdout.split()[1].replace("http", "ws") + "socket"
 
     async def whole() -> None:
@@ -192,6 +207,57 @@ def test_shots_and_placements_are_undone_whoever_made_them(site: Site) -> None:
         )
 
     talk(site, about)
+
+
+def test_a_run_that_the_server_slept_through_is_told_and_undone(site: Site) -> None:
+    start = bs.scenes.nine_ball().positions.tolist()
+    site.table("scene:=nine_ball", "real_time_factor:=50.0")
+    play = served(site)
+
+    async def about(page: Page) -> None:
+        await page.until(lambda heard: heard.get("tell") == "table" and heard["table"]["link"] is not None)
+        client = site.client()
+        page.told.clear()
+        play.signal(signal.SIGSTOP)
+        aim = Aim(**SHOT).shot(bs.Physics.pool())
+        assert client.shoot(wrench_from_shot(aim.force, aim.offset))["accepted"]
+        client.spin_until(lambda: client.at_rest == [True, False, True])
+        client.fresh_state()
+        play.signal(signal.SIGCONT)
+        await page.until(lambda heard: heard.get("tell") == "state" and not heard["at_rest"])
+        await page.until(lambda heard: heard.get("tell") == "table" and heard["table"]["undo"] == 1)
+        assert "error" not in await page.ask(do="undo")
+        for index in range(10):
+            await page.until(lying(index, start[index]))
+
+    visit(play, about)
+
+
+def test_where_balls_roll_is_nothing_to_go_back_to(site: Site) -> None:
+    # That all rest is known before where they lie, by more than any lull.
+    site.table("scene:=nine_ball")
+    rclpy.init(domain_id=site.domain)
+    backend = RosBackend()
+    try:
+        names, start = backend._scene.names, backend._places
+
+        def places(x: float) -> Any:
+            return [[x, 0.5, 0.0, 0.0, 0.0, 1.0], *start[1:]]
+
+        async def hear() -> None:
+            backend._take_places(names, places(0.5), True)
+            backend._take_rest(False)
+            backend._take_places(names, places(0.7), False)
+            backend._take_rest(True)
+            backend._note()
+            backend._take_places(names, places(0.9), True)
+            backend._note()
+
+        asyncio.run(hear())
+        assert [position["cue"] for position in backend._before] == [(0.5, 0.5)]
+    finally:
+        backend.close()
+        rclpy.shutdown()
 
 
 def test_a_position_is_saved_and_loaded_on_the_same_table_alone(site: Site) -> None:
