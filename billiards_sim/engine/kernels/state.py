@@ -184,6 +184,7 @@ class Stage:
     fy: float = 0.0
     slow: bool = False  # all contacts of its island are
     moved: bool = False  # it is moved off others
+    looked: bool = False  # it has looked for others that begin to touch its island
     before_x: float = 0.0  # m/s^2, at the stage before
     before_y: float = 0.0
     place_x: float = 0.0  # sums of accelerations, for place and velocity

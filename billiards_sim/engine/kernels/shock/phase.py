@@ -241,6 +241,8 @@ def _time_to_touch(state: State, constants: Constants, count: int, now: float) -
     # How long it takes until somebody begins to touch an island, s; 0 where that is now, and is added to the touches.
     first = INF
     for k in range(count):
+        state.stages[state.members[k].ball].looked = False
+    for k in range(count):
         i = state.members[k].ball
         first = min(first, _time_to_feature(state, constants, i))
         if first == 0.0:
@@ -248,8 +250,9 @@ def _time_to_touch(state: State, constants: Constants, count: int, now: float) -
         j = first_neighbour(state, constants, i)
         while j != NOBODY:
             other = state.balls[j]
-            looks_at_me = j < i and other.touches > 0 and other.phase_end <= now  # it is of the island, or due now, too
-            if j != i and not looks_at_me and other.phase != OFF_TABLE:
+            looks_at_me = j < i and other.phase_end <= now  # it is due now, too
+            seen = other.touches > 0 and (looks_at_me or state.stages[j].looked)
+            if j != i and not seen and other.phase != OFF_TABLE:
                 gap, closing, faster = way_to(state, constants, i, j, now)
                 if gap > LEAST_DEPTH and gap < LOOK:
                     if not is_touching(state, i, j):
@@ -260,6 +263,9 @@ def _time_to_touch(state: State, constants: Constants, count: int, now: float) -
                     add_touch(state, constants, min(i, j), max(i, j))
                     return 0.0
             j = next_neighbour(state, constants, i, j)
+        state.stages[i].looked = True
+    for k in range(count):
+        state.stages[state.members[k].ball].looked = False
     return first
 
 
