@@ -32,7 +32,7 @@ def engine_break(start: float) -> tuple[bs.Simulation, Run]:
 
 
 def test_a_shot_from_another_process_plays_out_as_in_the_engine(site: Site) -> None:
-    site.table("scene:=rack", "real_time_factor:=5.0", *NOTHING_LOST)
+    site.table("scene:=rack", "update_rate:=20", *NOTHING_LOST)
     client = site.client()
     shoot = site.process("shoot", *BREAK)
     client.spin_until(lambda: client.results, START_TIMEOUT)  # not later: its queues are not endless
