@@ -12,7 +12,7 @@ RUBBER = (0.03, 0.36, 0.44)
 WOOD = (0.35, 0.20, 0.10)
 HOLE = (0.02, 0.02, 0.02)
 MARKING = (0.90, 0.86, 0.76)
-"""Of spots and sights."""
+"""Of spots, lines and sights."""
 
 CUE_BALL = (0.96, 0.95, 0.90)
 WHITE = (0.98, 0.97, 0.94)

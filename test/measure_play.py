@@ -105,7 +105,7 @@ def opened(browser: Any, address: str) -> Iterator[Page]:
 def aim_about(page: Page, seconds: float) -> dict[str, Any]:
     """Move the mouse over a rack 60 times a second; what became of the previews."""
     table = page.evaluate("billiards.state.table")
-    (foot_x, foot_y), radius = table["spots"][1], table["radius"]
+    (foot_x, foot_y), radius = table["foot_spot"], table["radius"]
     page.evaluate("trips.length = 0; dropped = 0")
     began = time.monotonic()
     moves = 0

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from billiards_sim.engine.aim import Aim
+from billiards_sim.engine.markings import D_RADIUS, START_SPOT, snooker_spots
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.scene import PAPER_PHYSICS, PAPER_TABLE, Scene
 from billiards_sim.engine.table import Table
@@ -39,14 +40,6 @@ TEN_BALL_ROWS: Rows = ((1,), (4, 5), (6, 10, 7), (2, 8, 9, 3))
 STRAIGHT_POOL_ROWS: Rows = ((1,), (2, 3), (4, 5, 6), (7, 8, 9, 10), (11, 12, 13, 14, 15))
 SNOOKER_ROWS: Rows = STRAIGHT_POOL_ROWS
 """Ball numbers from the apex back, low y first."""
-
-BAULK_LINE = 0.737
-D_RADIUS = 0.292
-BLACK_SPOT = 0.324
-"""m. Of a snooker table: baulk line from the bottom cushion, the D, the black's spot from the top cushion (WPBSA)."""
-
-START_SPOT = 0.1825
-"""m. Of a carom table: from the head spot to those beside it (UMB)."""
 
 
 def head_on(*, table: Table = PAPER_TABLE, physics: Physics = PAPER_PHYSICS) -> Scene:
@@ -215,17 +208,9 @@ def snooker(
     _check_length("looseness", looseness)
     if gap == 0.0:
         raise ValueError("gap must be > 0: the pink does not touch the reds")
-    (middle_x, middle_y), baulk_x = table.centre, table.x_min + BAULK_LINE
-    pink_x = 0.5 * (middle_x + table.x_max)
-    places = {
-        "cue": (baulk_x, middle_y - 0.5 * D_RADIUS),
-        "yellow": (baulk_x, middle_y - D_RADIUS),
-        "green": (baulk_x, middle_y + D_RADIUS),
-        "brown": (baulk_x, middle_y),
-        "blue": (middle_x, middle_y),
-        "pink": (pink_x, middle_y),
-        "black": (table.x_max - BLACK_SPOT, middle_y),
-    }
+    colours = snooker_spots(table)
+    (baulk_x, middle_y), (pink_x, _) = colours["brown"], colours["pink"]
+    places = {"cue": (baulk_x, middle_y - 0.5 * D_RADIUS), **colours}
     apex = (pink_x + 2.0 * physics.radius + gap + 0.5 * looseness, middle_y)
     reds = _racked(SNOOKER_ROWS, apex, gap, looseness, seed, physics)
     places |= {f"red{number}": place for number, place in sorted(reds.items())}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from billiards_sim.colours import CLOTH, HOLE, MARKING, RUBBER, WOOD, ball_colour, is_striped
 from billiards_sim.engine.events import Event
+from billiards_sim.engine.markings import lines, spots
 from billiards_sim.engine.physics import PRESETS as PHYSICS_PRESETS
 from billiards_sim.engine.physics import Physics
 from billiards_sim.engine.record import Run
@@ -59,7 +60,10 @@ def table_record(scene: Scene) -> dict[str, Any]:
         "cushions": [_rounded(cushion) for cushion in drawn.cushions],
         "holes": [_rounded(hole) for hole in drawn.holes],
         "sights": _rounded(drawn.sights),
-        "spots": [list(table.head_spot), list(table.foot_spot)],
+        "head_spot": list(table.head_spot),
+        "foot_spot": list(table.foot_spot),
+        "spots": _rounded(np.array(list(spots(table).values()))),
+        "lines": [_rounded(np.array(line)) for line in lines(table)],
         "colours": {name: css(colour) for name, colour in COLOURS.items()},
         "radius": physics.radius,
         "miscue_limit": physics.miscue_limit,

@@ -27,6 +27,7 @@ from billiards_sim.colours import (
     is_striped,
 )
 from billiards_sim.engine.events import Event
+from billiards_sim.engine.markings import lines, spots
 from billiards_sim.engine.table import Table
 from billiards_sim.outline import Polygon, outline, triangles
 from billiards_sim.quaternion import IDENTITY, product
@@ -59,6 +60,9 @@ POCKET_DEPTH = 2.5
 
 SPOT_SIZE, SPOT_HEIGHT = 0.012, 0.001
 """m, across and up, of spots and sights."""
+
+LINE_WIDTH = 0.004
+"""m, of the lines on the cloth."""
 
 RAIL_HEIGHT = 1.25
 """In ball radii above the cloth, for the eye only: where balls touch a rail is `Table.nose_height`."""
@@ -299,7 +303,7 @@ class _Trail:
 
 
 def table_markers(table: Table, radius: float, stamp: int, frame: str) -> MarkerArray:
-    """Cloth with its surface at z = 0, cushions, rails and pockets as triangles; spots and sights as flat balls.
+    """Cloth with its surface at z = 0, cushions, rails and pockets as triangles; spots and sights as flat balls; lines.
 
     Args:
         radius: of the balls, m.
@@ -324,7 +328,7 @@ def table_markers(table: Table, radius: float, stamp: int, frame: str) -> Marker
             marker.points = [Point(x=x, y=y, z=z) for x, y, z in np.concatenate(faces).reshape(-1, 3).tolist()]
             message.markers.append(marker)
     for namespace, places, z in (
-        ("spots", np.array([table.head_spot, table.foot_spot]), 0.0),
+        ("spots", np.array(list(spots(table).values())), 0.0),
         ("sights", parts.sights, top),
     ):
         if len(places):
@@ -333,6 +337,12 @@ def table_markers(table: Table, radius: float, stamp: int, frame: str) -> Marker
             marker.scale.z = SPOT_HEIGHT
             marker.points = [Point(x=x, y=y, z=z) for x, y in places.tolist()]
             message.markers.append(marker)
+    drawn = [pair for line in lines(table) for ends in pairwise(line) for pair in ends]
+    if drawn:
+        marker = _marker("lines", 0, Marker.LINE_LIST, MARKING)
+        marker.scale.x = LINE_WIDTH
+        marker.points = [Point(x=x, y=y, z=0.5 * SPOT_HEIGHT) for x, y in drawn]
+        message.markers.append(marker)
     for marker in message.markers:
         _set_header(marker, stamp, frame)
     return message

@@ -31,6 +31,7 @@ from billiards_sim.colours import (
     is_plain,
     is_striped,
 )
+from billiards_sim.engine.markings import lines, spots
 from billiards_sim.engine.scene import Scene
 from billiards_sim.engine.table import Table
 from billiards_sim.outline import Polygon, outline
@@ -64,6 +65,9 @@ SUPERSAMPLING = 3
 
 SPOT_RADIUS = 0.006
 """m, of the spots on the cloth."""
+
+LINE_WIDTH = 0.004
+"""m, of the lines on it: some 3 mm, and seen in a small movie."""
 
 GLYPH = 128
 """Pixels of a side of the picture of a number."""
@@ -276,7 +280,8 @@ def _table_shapes(table: Table) -> list[Shape]:
         ([parts.cloth], CLOTH),
         (parts.holes, HOLE),
         (parts.cushions, RUBBER),
-        ([_dot(spot, SPOT_RADIUS) for spot in (table.head_spot, table.foot_spot)], light),
+        ([_strip(np.array(line), LINE_WIDTH) for line in lines(table)], light),
+        ([_dot(spot, SPOT_RADIUS) for spot in spots(table).values()], light),
         ([_dot(sight, 0.05 * table.rail_thickness) for sight in parts.sights.tolist()], MARKING),
     ]
 
@@ -284,6 +289,13 @@ def _table_shapes(table: Table) -> list[Shape]:
 def _dot(place: Sequence[float], radius: float) -> Polygon:
     angles = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
     return np.array(place) + radius * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def _strip(line: NDArray[np.float64], width: float) -> Polygon:
+    # A line as wide as this.
+    along = np.gradient(line, axis=0)
+    aside = 0.5 * width * np.column_stack((-along[:, 1], along[:, 0])) / np.hypot(*along.T)[:, np.newaxis]
+    return np.concatenate((line - aside, (line + aside)[::-1]))
 
 
 def _picture(shapes: Iterable[Shape], scale: float, corner: NDArray[np.float64], size: tuple[int, int]) -> Pixels:

@@ -16,8 +16,9 @@ from matplotlib.patches import Circle, PathPatch, Polygon, Rectangle
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
 
-from billiards_sim.colours import DISC, HOLE, STRIPE, WHITE, WOOD, ball_colour, is_plain, is_striped
+from billiards_sim.colours import DISC, HOLE, MARKING, STRIPE, WHITE, WOOD, ball_colour, is_plain, is_striped
 from billiards_sim.engine.events import Event
+from billiards_sim.engine.markings import lines, spots
 from billiards_sim.engine.table import Table
 from billiards_sim.outline import outline
 from billiards_sim.study.falls import Fall, falls
@@ -44,6 +45,9 @@ MARGINS = (0.8, 1.4)
 
 RESOLUTION = 150
 """Pixels an inch: numbers on the balls can be read where the picture is shown at full width."""
+
+SPOT_RADIUS = 0.006
+"""m, of the spots on the cloth."""
 
 LONGEST_NUMBER = 3
 """Characters of a name that fit on a ball; a longer one stands above it."""
@@ -91,6 +95,10 @@ def draw_table(axes: Axes, table: Table) -> None:
     ):
         for polygon in polygons:
             axes.add_patch(Polygon(polygon, facecolor=colour, zorder=zorder))
+    for line in lines(table):
+        axes.add_patch(Polygon(line, closed=False, fill=False, edgecolor=MARKING, linewidth=0.8, zorder=1.05))
+    for spot in spots(table).values():
+        axes.add_patch(Circle(spot, SPOT_RADIUS, facecolor=MARKING, zorder=1.05))
     margin = 0.01 * (right - left)
     axes.set_xlim(left - margin, right + margin)
     axes.set_ylim(low - margin, high + margin)

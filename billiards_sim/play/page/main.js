@@ -117,7 +117,7 @@ function aimAsGiven(given) {
 function firstAim() {
   const [cue, ...others] = [cueBall(), ...state.table.balls.filter((ball) => ball.at && ball !== cueBall())];
   if (!cue || !others.length) return {};
-  const foot = state.table.spots[1];
+  const foot = state.table.foot_spot;
   const away = (ball) => Math.hypot(ball.at[0] - foot[0], ball.at[1] - foot[1]);
   const nearest = others.reduce((one, other) => (away(other) < away(one) ? other : one));
   const azimuth = Math.atan2(nearest.at[1] - cue.at[1], nearest.at[0] - cue.at[0]);
@@ -247,8 +247,8 @@ function cueBall() {
 
 // Near the head spot for the cue ball, near the foot spot for others, further along the table where these are taken.
 function freePlace(name) {
-  const { spots, radius, rail, size } = state.table;
-  const [spot, way] = name === cueName() ? [spots[0], -1] : [spots[1], 1];
+  const { head_spot, foot_spot, radius, rail, size } = state.table;
+  const [spot, way] = name === cueName() ? [head_spot, -1] : [foot_spot, 1];
   const others = state.table.balls.filter((ball) => ball.at && ball.name !== name);
   const room = size[0] - 2 * radius;
   for (let step = 0; step * 0.25 * radius < room; step += 1) {

@@ -226,7 +226,15 @@ export class View {
     light.addColorStop(0, mixed(cloth, "#ffffff", 0.09));
     light.addColorStop(1, mixed(cloth, "#000000", 0.16));
     fill(table.cloth, light);
-    for (const spot of table.spots) dot(spot, 0.006, "rgba(255, 255, 255, 0.45)");
+    const chalk = "rgba(255, 255, 255, 0.45)";
+    for (const line of table.lines) {
+      context.beginPath();
+      for (const place of line) context.lineTo(...this.at(place));
+      context.strokeStyle = chalk;
+      context.lineWidth = 0.004 * scale;
+      context.stroke();
+    }
+    for (const spot of table.spots) dot(spot, 0.006, chalk);
     context.lineJoin = "round";
     for (const places of table.holes) {
       fill(places, hole);
