@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_sim.engine.quantity import check_quantities, quantity
+from billiards_sim.engine.quantity import check_quantities, number, quantity
 
 TOURNAMENT_BALL = 0.028575
 """m, radius of the ball whose millimetres are meant."""
@@ -44,6 +44,9 @@ class ShooterNoise:
         Raises:
             ValueError: a value out of bounds.
         """
+        level, cue_speed = number("level", level), number("cue_speed", cue_speed)
+        if not (level >= 0.0 and cue_speed > 0.0):
+            raise ValueError(f"level must be >= 0 and cue_speed > 0 m/s, got {level:.9g} and {cue_speed:.9g}")
         offset = 0.0005 / TOURNAMENT_BALL
         return cls(
             speed=level * 0.075 / cue_speed,

@@ -55,6 +55,10 @@ class BadShots(ValueError):
         rest = len(reasons) - len(lines)
         more = f"; and {rest} more" if rest else ""
         super().__init__(f"{len(reasons)} of {count} shots cannot be played: {'; '.join(lines)}{more}")
+        self._given = (reasons, count)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self._given  # to come back from another process
 
 
 class BrokenRollout(RuntimeError):
@@ -72,6 +76,10 @@ class BrokenRollout(RuntimeError):
         more = ", ..." if len(missing) > 2 * REASONS_SHOWN else ""
         why = f"{type(cause).__name__}: {cause}".strip().rstrip(":")
         super().__init__(f"{len(missing)} of {len(result.error)} shots are missing, {names}{more}; {why}")
+        self._given = (result, missing, cause)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self._given  # to come back from another process
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,8 +284,11 @@ def _play_all(
             for first, end in bounds:
                 some = slice(first // job.samples, -(-end // job.samples))
                 begun = None if starts is None else Starts(starts.positions[some], starts.in_play[some])
-                pending[executor.submit(play_piece, Piece(job, shots[some], begun, first, end))] = first, end
-        except RuntimeError as error:  # it is broken, or shut down
+                future = executor.submit(play_piece, Piece(job, shots[some], begun, first, end))
+                if not isinstance(future, Future):
+                    raise TypeError(f"submit of the executor must return a Future, got {shown(future)}")
+                pending[future] = first, end
+        except Exception as error:  # it is broken, or shut down
             trouble = error
         try:
             for future in as_completed(list(pending)):
@@ -295,6 +306,8 @@ def _play_all(
 
 
 def _put(whole: Played, played: Played, first: int, end: int) -> None:
+    if not isinstance(played, Played) or len(played.error) != end - first:
+        raise TypeError(f"the executor must return what it was given to play, got {shown(played)}")
     for name, rows in played._asdict().items():
         if isinstance(rows, np.ndarray):
             getattr(whole, name)[first:end] = rows

@@ -235,8 +235,14 @@ class _Search:
             azimuths = np.linspace(0.0, math.tau, around, endpoint=False).tolist()
             every = [Direction(azimuth, math.pi / around, math.nan) for azimuth in azimuths]
             return directions + [(direction, rest // around) for direction in every]
-        if len(given) == 0 or not all(isinstance(direction, Direction) for direction in given):
+        if not isinstance(given, Sequence) or not given or not all(isinstance(one, Direction) for one in given):
             raise ValueError(f"directions must be `Direction`s, one at least, or None; got {shown(given)}")
+        for one in given:
+            if not (math.isfinite(one.azimuth) and 0.0 <= one.window <= math.pi and not one.tolerance < 0.0):
+                raise ValueError(
+                    "directions must have a finite azimuth, a window from 0 to pi rad and a tolerance >= 0 or nan, got "
+                    f"{one.azimuth:.9g}, {one.window:.9g} and {one.tolerance:.9g}"
+                )
         return _fitting(given, affordable)
 
     def _sweep(self, directions: list[tuple[Direction, int]]) -> list[_Lead]:

@@ -604,3 +604,59 @@ def test_who_has_not_played_to_the_end_plays_no_more(monkeypatch: pytest.MonkeyP
         assert executor.submit(lambda: player._idle.player).result() is None
         monkeypatch.undo()
         assert_same(bs.rollout(POTS, random_shots(3), executor=executor), first)
+
+
+class Strange(Executor):
+    """Whose `submit` does something else."""
+
+    def __init__(self, submit: Callable[[], Any]) -> None:
+        self._submit = submit
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Any:
+        return self._submit()
+
+
+def done(result: Any) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_result(result)
+    return future
+
+
+def refuse() -> None:
+    raise ValueError("no more")
+
+
+@pytest.mark.parametrize(
+    ("submit", "said"),
+    [
+        (refuse, "ValueError: no more"),
+        (lambda: 3, "TypeError: submit of the executor must return a Future, got 3"),
+        (lambda: done(None), "TypeError: the executor must return what it was given to play, got None"),
+        (
+            lambda: done(player.Played.blank(np.ones((1, 2), np.bool_), 0, False)),
+            "must return what it was given to play",
+        ),
+    ],
+)
+def test_an_executor_that_plays_nothing_of_ours_is_told(submit: Callable[[], Any], said: str) -> None:
+    with pytest.raises(bs.BrokenRollout, match=said) as caught:
+        bs.rollout(TWO_BALLS, bs.Shots(1.0, [0.1, 0.2]), executor=Strange(submit))
+    assert caught.value.missing.tolist() == [0, 1]
+    assert (caught.value.result.error == 4).all()
+
+
+def test_the_errors_of_a_rollout_can_be_sent_elsewhere() -> None:
+    shots = bs.Shots([1.0, -1.0], 0.1)
+    with pytest.raises(bs.BadShots) as bad:
+        bs.rollout(TWO_BALLS, shots)
+    with pytest.raises(bs.BrokenRollout) as broken:
+        bs.rollout(TWO_BALLS, shots[:1], executor=Strange(refuse))
+    one, other = (pickle.loads(pickle.dumps(caught.value)) for caught in (bad, broken))
+    assert (str(one), one.reasons) == (str(bad.value), bad.value.reasons)
+    assert (str(other), other.missing.tolist()) == (str(broken.value), [0])
+
+
+@pytest.mark.parametrize("wrong", [{"cue_speed": 0.0}, {"level": -1.0}, {"level": "high"}, {"cue_speed": math.nan}])
+def test_a_level_of_noise_that_is_none_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        bs.ShooterNoise.tournament(**wrong)

@@ -260,6 +260,10 @@ def test_a_goal_that_is_none_is_refused(goal: Any, said: str) -> None:
         ({"speeds": 3.0}, "speeds must be two numbers"),
         ({"directions": []}, r"directions must be `Direction`s, one at least, or None; got \[\]"),
         ({"directions": [0.3]}, "directions must be `Direction`s"),
+        ({"directions": 3}, "directions must be `Direction`s"),
+        ({"directions": [Direction(math.nan, 0.1, 0.1)]}, "directions must have a finite azimuth"),
+        ({"directions": [Direction(0.0, math.inf, 0.1)]}, "a window from 0 to pi rad"),
+        ({"directions": [Direction(0.0, 0.1, -0.1)]}, "a tolerance >= 0 or nan, got 0, 0.1 and -0.1"),
         ({"ball": "x"}, "x"),
     ],
 )
