@@ -80,6 +80,8 @@ class Task(ABC):
             ValueError: options that are not known, or balls that cannot lie like that.
         """
         options = options or {}
+        if not isinstance(options, Mapping):
+            raise ValueError(f"options of reset must be a dict or None, got {shown(options)}")
         unknown = options.keys() - {"positions", "in_play"}
         if unknown:
             raise ValueError(f"options of reset are positions and in_play, got {listed(sorted(map(str, unknown)))}")
@@ -114,6 +116,7 @@ class Pool(Task):
     ) -> None:
         if isinstance(balls, bool) or not isinstance(balls, (int, np.integer)) or not 1 <= balls <= MOST_BALLS:
             raise ValueError(f"balls must be a whole number from 1 to {MOST_BALLS}, got {shown(balls)}")
+        _check(table, physics)
         if not table.mouths:
             raise ValueError("the table of pool must have pockets")
         self._room = Room(balls + 1, table, physics)
@@ -154,6 +157,7 @@ class SumToThree(Task):
     ) -> None:
         if not isinstance(random_start, bool):
             raise ValueError(f"random_start must be a bool, got {shown(random_start)}")
+        _check(table, physics)
         if table.mouths:
             raise ValueError("the table of sum to three must not have pockets")
         scene = Scene([table.head_spot, table.foot_spot], table=table, physics=physics)
@@ -195,3 +199,9 @@ class Room:
 
     def _are_free(self, places: list[list[float]]) -> bool:
         return all(math.dist(places[one], places[other]) > self._least for one, other in self._pairs)
+
+
+def _check(table: Any, physics: Any) -> None:
+    for name, given, kind in (("table", table, Table), ("physics", physics, Physics)):
+        if not isinstance(given, kind):
+            raise ValueError(f"{name} must be {kind.__name__}, got {shown(given)}")

@@ -131,6 +131,8 @@ class BilliardsVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDAr
             return [None] * self.num_envs
         if isinstance(seed, (int, np.integer)):
             return [int(seed) + row for row in range(self.num_envs)]
+        if not isinstance(seed, Sequence):
+            raise ValueError(f"seed must be a whole number, a list of {self.num_envs}, or None, got {shown(seed)}")
         if len(seed) != self.num_envs:
             raise ValueError(f"seed must be a number or a list of {self.num_envs}, got {len(seed)} of them")
         return list(seed)

@@ -18,7 +18,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import billiards_sim as bs  # noqa: E402
 from billiards_sim.engine.kernels.state import NOBODY  # noqa: E402
-from billiards_sim.gym import PoolEnv, SumToThreeEnv  # noqa: E402
+from billiards_sim.gym import PoolEnv, PoolVectorEnv, SumToThreeEnv  # noqa: E402
 from billiards_sim.gym.tables import Tables  # noqa: E402
 from billiards_sim.gym.tasks import Pool, Room, SumToThree  # noqa: E402
 from billiards_sim.outline import outline  # noqa: E402
@@ -221,6 +221,10 @@ def test_bad_options_are_refused_and_change_nothing(options: dict[str, Any], rea
     ("make", "reason"),
     [
         (lambda: PoolEnv(balls=0), "balls must be a whole number from 1 to 15, got 0"),
+        (lambda: PoolEnv(table="pool_9ft"), "table must be Table, got 'pool_9ft'"),
+        (lambda: SumToThreeEnv(physics=None), "physics must be Physics, got None"),
+        (lambda: PoolEnv().reset(options=3), "options of reset must be a dict or None, got 3"),
+        (lambda: PoolVectorEnv(2).reset(seed=1.5), "seed must be a whole number, a list of 2, or None, got 1.5"),
         (lambda: PoolEnv(balls=True), "balls must be a whole number"),
         (lambda: PoolEnv(table=bs.Table()), "the table of pool must have pockets"),
         (lambda: PoolEnv(noise=0.1), "noise must be a ShooterNoise or None, got 0.1"),
