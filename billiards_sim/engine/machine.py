@@ -52,6 +52,7 @@ class Search:
         looked: set when code that was kept is loaded, or there is none.
         ended: set when there is nothing more to wait for.
         maker: the other process, if there was none.
+        possible: whether there is Numba to make it with.
         failure: why nothing came.
     """
 
@@ -59,6 +60,7 @@ class Search:
         self.looked = threading.Event()
         self.ended = threading.Event()
         self.maker: object_file.Maker | None = None
+        self.possible = True
         self.failure = ""
 
     def bring(self) -> None:
@@ -77,6 +79,10 @@ class Search:
             self.ended.set()
 
     def _look(self) -> None:
+        # Imports take an exception of a handler that is an OSError, as TimeoutError is, for a file that is not there.
+        self.possible = importlib.util.find_spec("numba") is not None
+        if not self.possible:
+            return
         with _busy:
             name = object_file.file_name()
             code, folder = object_file.find(name)
@@ -130,7 +136,7 @@ def compile() -> bool:
         if not _search.ended.wait(PATIENCE) and (_search.maker is None or _search.maker.keeps):
             _say(KEPT)
         _search.ended.wait()
-        if not _functions:
+        if not _functions and _search.possible:
             _go_own_way(_search)
     return is_ready()
 
@@ -140,7 +146,7 @@ def _is_wanted() -> bool:
     if switch not in ("", "0", "1"):
         raise ValueError(f"{SWITCH} must be 0 (interpreted) or 1 (compiled), got {switch!r}")
     disabled = os.environ.get("NUMBA_DISABLE_JIT", "") not in ("", "0")
-    return switch != "0" and not disabled and importlib.util.find_spec("numba") is not None
+    return switch != "0" and not disabled
 
 
 def _go_own_way(search: Search) -> None:

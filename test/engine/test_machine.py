@@ -410,16 +410,16 @@ def ring(*_): raise TimeoutError
 signal.signal(signal.SIGALRM, ring)
 heard = 0
 play()
-for attempt in range(40):
+for attempt in range(400):
     machine._functions.clear(); machine._search, machine._sought = None, False
-    signal.setitimer(signal.ITIMER_REAL, 0.001 + 0.002 * attempt)
+    signal.setitimer(signal.ITIMER_REAL, 5e-5 * 1.019**attempt)  # up to 0.1 s
     try:
         play(); time.sleep(1.0)
     except TimeoutError:
         heard += 1
 print(heard, bs.compile())
 """
-    assert site.run(code) == ("40 True", "")
+    assert site.run(code) == ("400 True", "")
 
 
 def test_a_thread_is_started_whole_whatever_a_handler_of_signals_raises(site: Site) -> None:

@@ -190,4 +190,5 @@ def test_engine_runs_without_numba() -> None:
         "import billiards_sim as bs\n"
         "print(bs.compile(), len(bs.Simulation(bs.scenes.head_on()).run()))"
     )
-    assert in_new_process(code) == "False 10"
+    ended = new_process(code)
+    assert (ended.stdout, ended.stderr) == ("False 10\n", "")
