@@ -58,6 +58,7 @@ BY_HAND = (
     "mkdir",
     "python -m billiards_sim.ros.tools.node_load",
     "python test/measure_play.py",
+    "python test/picture_play.py",
     "python3 -m billiards_sim benchmark",
     "python3 -m billiards_sim play",
     "python3 -m billiards_sim.ros.tools.picture",
