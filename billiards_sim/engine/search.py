@@ -58,15 +58,22 @@ TIP_ROOM = 0.5
 SAFE = 3.0
 """Standard deviations that the tip stays away from the miscue limit."""
 
-TRIALS = 4
+TRIALS = 8
 """Directions that are tried with noise, and shots that are refined, for each shot that is asked for. Of a direction
 several are: soft and hard ones, or such with side, can be far from each other."""
 
-ROUNDS = 4
+ROUNDS = 6
 NARROWING = 1
 SHRINKING = 0.7
-"""Of the refinement: rounds, the one after which as many as are asked for go on, each in a direction of its own, and
-what remains of the deviations from one to the next."""
+"""Of the refinement: rounds, the one after which only the best go on, and what remains of the deviations from one round
+to the next."""
+
+VARIANTS = 2
+"""Best shots that go on, for each that is asked for, wherever they go; beside them as many as are asked for go on in a
+direction of their own."""
+
+REFINED = 0.3
+"""Share of the budget for the refinement."""
 
 LEAST_POPULATION = 30
 """Shots in a direction in each round: what is fitted to their scores has nine coefficients."""
@@ -282,7 +289,7 @@ class _Search:
 
     def _trial(self, leads: list[_Lead]) -> list[_Lead]:
         # With noise, by halves; of each way something stays.
-        wanted = TRIALS * self.best
+        wanted = self._tried
         taken = self._apart([lead.shot[0] for lead in leads], wanted, SPEEDS * len(TIPS))
         firsts = list({lead.direction: index for index, lead in reversed(list(enumerate(leads)))}.values())
         ways = self._ways(np.array([leads[index].shot for index in firsts]))
@@ -298,6 +305,12 @@ class _Search:
             order = [index for index in order if index in kept]
             leads, ways = _some(leads, order), _some(ways, order)
         return leads
+
+    @property
+    def _tried(self) -> int:
+        # How many shots are refined: as many as the budget allows.
+        affordable = int(REFINED / ROUNDS * self.budget) // LEAST_POPULATION
+        return max(min(TRIALS * self.best, affordable), self.best)
 
     def _ways(self, shots: Array) -> list[Hashable]:
         # What shots, (M, 4), do without noise; None for those that fail, and where the goal does not tell.
@@ -331,8 +344,8 @@ class _Search:
         mean = np.array([_free(lead.shot) for lead in leads])
         deviation = np.array([(min(lead.spread, blur), *SPREAD) for lead in leads])
         for turn in range(ROUNDS):
-            counted = min(len(mean), self.best * (TRIALS if turn <= NARROWING else 1))
-            size = max(int(0.3 / ROUNDS * self.budget) // counted, LEAST_POPULATION)
+            counted = min(len(mean), self._tried if turn <= NARROWING else (1 + VARIANTS) * self.best)
+            size = max(int(REFINED / ROUNDS * self.budget) // counted, LEAST_POPULATION)
             random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1, turn)))
             errors = random.standard_normal((len(mean), size, 4))
             drawn = self._allowed(mean[:, np.newaxis] + errors * deviation[:, np.newaxis])
@@ -345,6 +358,7 @@ class _Search:
                 means = values.mean(axis=1)
                 order = np.argsort(-means, kind="stable").tolist()
                 kept = self._best_apart(mean[:, 0].tolist(), means, self.best)
+                kept += [one for one in order[: VARIANTS * self.best] if one not in kept]
                 before = self._ways(np.array([lead.shot for lead in leads]))
                 ways = [now or then for now, then in zip(self._ways(_shot(mean)), before)]
                 kept += [one for one in _first_of_each(ways, order, self.best) if one not in kept]
